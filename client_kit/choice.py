@@ -11,6 +11,7 @@ from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.server import NotFrontrunnerError
 from client_kit.errors import CannotMeasureError
 from pareto.fronts import front
+from wire.front import DEFAULT
 
 MEASURED, PREDICTED = "measured here", "predicted by the crowd"
 SCALED = "scaled from the reference device"
@@ -70,15 +71,15 @@ def points(
         counted = run["frame_us"][manifest.protocol.first_counted_frame :]
         times.setdefault(name, []).append(fmean(counted) / 1e6)
         errors.setdefault(name, []).append(run["ate_max"])
-    reference = manifest.configurations["default"].predicted.get("runtime")
-    default = fmean(times["default"]) if "default" in times else None
+    reference = manifest.by_name[DEFAULT].predicted.runtime
+    default = fmean(times[DEFAULT]) if DEFAULT in times else None
     crowd = {one.name: one for one in predictions}
     parameters = {one.name: one.parameters for one in predictions}
-    parameters |= {name: configuration.parameters for name, configuration in manifest.configurations.items()}
+    parameters |= {name: configuration.parameters for name, configuration in manifest.by_name.items()}
     choices = []
     for name, values in parameters.items():
-        configuration, prediction = manifest.configurations.get(name), crowd.get(name)
-        predicted = configuration.predicted if configuration else {}
+        configuration, prediction = manifest.by_name.get(name), crowd.get(name)
+        predicted = configuration.predicted if configuration else None
         if failures[name] and failures[name] >= len(times.get(name, ())):
             continue
         if name in times:
@@ -87,13 +88,14 @@ def points(
             continue
         # In a newer front a name may have other parameters than in the stored one.
         elif prediction and prediction.parameters == values:
-            ate_max = predicted.get("ate_max") if prediction.ate_max is None else prediction.ate_max
+            ate_max = prediction.ate_max
+            if ate_max is None and predicted:
+                ate_max = predicted.ate_max
             if ate_max is not None:
                 choices.append(_predicted_point(prediction, default, ate_max))
-        elif reference:
-            runtime, ate_max = predicted.get("runtime"), predicted.get("ate_max")
-            if runtime is not None and ate_max is not None:
-                choices.append(Point(name, values, runtime * default / reference, ate_max, SCALED))
+        elif reference and predicted and predicted.ate_max is not None:
+            runtime = predicted.runtime * default / reference
+            choices.append(Point(name, values, runtime, predicted.ate_max, SCALED))
     return choices
 
 
@@ -174,7 +176,7 @@ def _predicted_point(prediction: Prediction, default: float, ate_max: float) -> 
 
 
 def _deviates(manifest: Manifest, run: Mapping[str, Any]) -> bool:
-    configuration, deviation = manifest.configurations.get(run["configuration"]), run.get("deviation")
+    configuration, deviation = manifest.by_name.get(run["configuration"]), run.get("deviation")
     if configuration is None or deviation is None:
         return False
     return bool(deviation > configuration.band)

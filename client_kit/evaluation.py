@@ -8,13 +8,15 @@ import platform
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from client_kit import APP, interrupts
 from client_kit.console import Console
 from client_kit.delivery import sequences
-from client_kit.delivery.manifest import Chunk, read_sequence
 from client_kit.delivery.server import NotFrontrunnerError, ProblemError, Server, UnreachableError
 from client_kit.device import requirements, selection
 from client_kit.errors import CannotMeasureError, ClientError, HomeError, UsageError
@@ -22,13 +24,15 @@ from client_kit.home import Home
 from groundwork import __version__
 from slam import isolated
 from slam.isolated import (
-    NO_OBJECTIVES,
     CannotMeasureHereError,
     LeaseLostError,
     Measurement,
     MeasurementError,
 )
 from slam.public_text import one_line
+from wire.evaluation import Part, as_measured
+from wire.lease import Lease, Result
+from wire.manifest import Sequence
 
 IDLE_SECONDS = 5.0
 FIRST_PAUSE_SECONDS = 1.0
@@ -38,84 +42,12 @@ GONE = 410
 RESULTS = "results.json"
 
 
-@dataclass(frozen=True)
-class LeasedSequence:
-    """One of a lease's sequences, as a `sequences.Download`."""
-
-    sequence: Mapping[str, Any]
-    chunks: tuple[Chunk, ...]
-    colour: tuple[Chunk, ...]
-
-    @classmethod
-    def read(cls, sequence: Mapping[str, Any]) -> "LeasedSequence":
-        """Raises KeyError, TypeError or ValueError for an invalid sequence."""
-        return cls(sequence, *read_sequence(sequence))
-
-
-@dataclass(frozen=True)
-class Lease:
-    """One evaluation to measure over `backend`, on each of `sequences` in turn.
-
-    `frames` None runs all frames. `perturbation` is the seed of changes to depth, 0 for none. A sequence ends
-    once it is certain to be above all values of one of `stop_above`, the evaluation after `stop_after` such
-    sequences. Sequences after the first `learned_on` are held out. A program's `objectives`, `maximised` or
-    minimised, count where its field `feasible` has that text; `grace_seconds` are between its SIGTERM and
-    SIGKILL. Times are in seconds, `timeout_seconds` for each sequence.
-    """
-
-    id: str
-    application: str
-    configuration: Mapping[str, Any]
-    frames: int | None
-    backend: str
-    opencl_device: str
-    sequences: tuple[LeasedSequence, ...]
-    perturbation: int
-    stop_above: tuple[Mapping[str, float], ...]
-    stop_after: int
-    learned_on: int
-    objectives: tuple[str, ...]
-    maximised: tuple[str, ...]
-    feasible: tuple[str, str] | None
-    heartbeat_seconds: float
-    timeout_seconds: float
-    grace_seconds: float
-
-    @classmethod
-    def parse(cls, document: Mapping[str, Any]) -> "Lease":
-        """`document`, an answer of POST /leases, checked. Raises NotFrontrunnerError."""
-        try:
-            return cls(
-                id=str(document["id"]),
-                application=str(document["application"]),
-                configuration=dict(document["configuration"]),
-                frames=None if document["frames"] is None else int(document["frames"]),
-                backend=str(document["backend"]),
-                opencl_device=str(document["opencl_device"]),
-                sequences=tuple(map(LeasedSequence.read, document["sequences"])),
-                perturbation=int(document["perturbation"]),
-                stop_above=tuple(
-                    {str(name): float(value) for name, value in condition.items()}
-                    for condition in document["stop_above"]
-                ),
-                stop_after=int(document["stop_after"]),
-                learned_on=int(document["learned_on"]),
-                objectives=tuple(map(str, document["objectives"])),
-                maximised=tuple(map(str, document["maximised"])),
-                feasible=_pair(document["feasible"]),
-                heartbeat_seconds=float(document["heartbeat_seconds"]),
-                timeout_seconds=float(document["timeout_seconds"]),
-                grace_seconds=float(document["grace_seconds"]),
-            )
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise NotFrontrunnerError(f"the lease cannot be read: {error!r}") from error
-
-
-def _pair(texts: Any) -> tuple[str, str] | None:
-    if texts is None:
-        return None
-    name, text = map(str, texts)
-    return name, text
+def read_lease(document: Mapping[str, Any]) -> Lease:
+    """`document`, an answer of POST /leases, checked. Raises NotFrontrunnerError."""
+    try:
+        return msgspec.convert(document, Lease)
+    except msgspec.ValidationError as error:
+        raise NotFrontrunnerError(f"the lease cannot be read: {error}") from error
 
 
 def serve(
@@ -187,15 +119,15 @@ class ReferenceDevice:
         if answer is None:
             return False
         try:
-            lease = Lease.parse(answer)
+            lease = read_lease(answer)
         except NotFrontrunnerError as error:
             # A client of another version may read it: this one retries with growing pauses.
             self.return_lease(str(answer.get("id")), str(error))
             self.console.say(f"{error}; again in {LONGEST_PAUSE_SECONDS:.0f} s")
             self.pause(LONGEST_PAUSE_SECONDS)
             return True
-        result = self.measure(lease)
-        if result is not None:
+        if (measured := self.measure(lease)) is not None:
+            result = msgspec.to_builtins(measured)
             self._store(lease.id, result)
             self._report(lease.id, result)
         return True
@@ -210,14 +142,14 @@ class ReferenceDevice:
             pass  # the measurement goes on: the server may be back before the lease expires
         return True
 
-    def measure(self, lease: Lease) -> dict[str, Any] | None:
+    def measure(self, lease: Lease) -> Result | None:
         """The outcome of `lease`; None if the lease has ended or was returned."""
 
         def heartbeat() -> bool:
             return self.heartbeat(lease)
 
         # The configuration is sent, too: after a restore the server may use this id for another evaluation.
-        outcome = {"software": f"{APP} {__version__}", "configuration": lease.configuration}
+        result = partial(Result, software=f"{APP} {__version__}", configuration=lease.configuration)
         try:
             requirements.require(lease.application)
             if self.backend not in (None, lease.backend):
@@ -253,7 +185,7 @@ class ReferenceDevice:
                 )
         except MeasurementError as error:
             self.console.say(f"{lease.id}: failed: {error}")
-            return outcome | {"status": "failed", "error": one_line(str(error))}
+            return result("failed", error=one_line(str(error)))
         except LeaseLostError:
             self.console.say(f"{lease.id}: the lease is gone, the measurement was ended")
             return None
@@ -267,22 +199,21 @@ class ReferenceDevice:
             self.return_lease(lease.id)
             raise
         self.console.say(f"{lease.id}: {_summary(lease, measured)}")
-        return outcome | {
-            "status": "done",
-            "objectives": measured.objectives,
-            "stages": measured.stages,
-            "device": measured.device,
-            "parts": [_part(part) for part in measured.parts],
-        }
+        return result(
+            "done",
+            objectives=measured.objectives,
+            parts=list(map(Part.of, measured.parts)),
+            **as_measured(measured),
+        )
 
-    def _download(self, leased: LeasedSequence, lease: Lease, heartbeat: Callable[[], bool]) -> Path:
+    def _download(self, leased: Sequence, lease: Lease, heartbeat: Callable[[], bool]) -> Path:
         """A sequence of `lease`, retried while the server is away. Raises LeaseLostError."""
         held = time.monotonic()
 
         def hold(done: int = 0, total: int = 0) -> None:
             nonlocal held
             if total:
-                self.console.bar(str(leased.sequence["name"]), done // 1000, total // 1000, " kB")
+                self.console.bar(leased.name, done // 1000, total // 1000, " kB")
             if time.monotonic() - held >= lease.heartbeat_seconds:
                 held = time.monotonic()
                 if not heartbeat():
@@ -315,7 +246,7 @@ class ReferenceDevice:
             self.console.say(str(error))
 
     def _store(self, lease: str, result: Mapping[str, Any]) -> None:
-        kept = {"lease": lease, "result": dict(result)}
+        kept = {"lease": lease, "result": result}
         try:
             with interrupts.ignored(), self.home.only_one("results", wait=True):
                 self.home.write(RESULTS, {**self.home.read(RESULTS), self._key: kept})
@@ -328,8 +259,8 @@ class ReferenceDevice:
 
     def return_lease(self, lease: str, reason: str = "") -> None:
         """Let another machine measure the evaluation; `reason`: why this one cannot."""
-        result = {"status": "returned"} | ({"error": one_line(reason)} if reason else {})
         try:
+            result = msgspec.to_builtins(Result("returned", error=one_line(reason)))
             self.server.finish(self.token, lease, result)
         except ClientError as error:
             self.console.say(f"{lease} could not be returned; its lease will expire: {error}")
@@ -363,9 +294,3 @@ def _summary(lease: Lease, measured: Measurement) -> str:
     least = "at least " if run < wanted or stopped else ""
     early = f", stopped after {stopped[-1]} frames" if stopped else ""
     return f"{1e3 * values['runtime']:.2f} ms a frame, {least}{1e2 * values['ate_max']:.2f} cm{over}{early}"
-
-
-def _part(part: Mapping[str, Any]) -> dict[str, Any]:
-    """A part of a measurement in the server's format."""
-    objectives = {name: value for name, value in part.items() if name not in NO_OBJECTIVES}
-    return {name: part[name] for name in NO_OBJECTIVES} | {"objectives": objectives}

@@ -6,14 +6,14 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 from client_kit import APP
 from client_kit.console import Console
 from client_kit.delivery.server import Server
 from client_kit.errors import ClientError, UsageError
-from client_kit.evaluation import Lease, ReferenceDevice, serve_as
+from client_kit.evaluation import ReferenceDevice, serve_as
 from client_kit.home import Home
 from frontrunner.lease_server import device_name
 from groundwork import __version__, terminal
@@ -25,6 +25,7 @@ from pareto.fronts.objective import Objective
 from pareto.measuring.interrupts import interruptible
 from pareto.measuring.program import Program
 from slam.public_text import one_line
+from wire.lease import Lease, Result
 
 IDLE_SECONDS = 0.5
 INTERRUPTED = 130
@@ -36,7 +37,7 @@ class ProgramWorker(ReferenceDevice):
 
     command: str = ""
 
-    def measure(self, lease: Lease) -> dict[str, Any] | None:
+    def measure(self, lease: Lease) -> Result | None:
         """The outcome of `lease`; None if the lease has ended."""
         objectives = tuple(Objective(name, name in lease.maximised) for name in lease.objectives)
         program = Program(
@@ -56,7 +57,7 @@ class ProgramWorker(ReferenceDevice):
                     program.end()
 
         threading.Thread(target=renew, daemon=True).start()
-        outcome = {"software": f"{APP} {__version__}", "configuration": lease.configuration}
+        result = partial(Result, software=f"{APP} {__version__}", configuration=lease.configuration)
         try:
             measured = program.measure(dict(lease.configuration), conditions=lease.stop_above)
         except EvaluationError as error:
@@ -64,7 +65,7 @@ class ProgramWorker(ReferenceDevice):
                 self.console.say(f"{lease.id}: the lease is gone, the program was ended")
                 return None
             self.console.say(f"{lease.id}: failed: {error}")
-            return outcome | {"status": "failed", "error": one_line(str(error))}
+            return result("failed", error=one_line(str(error)))
         except KeyboardInterrupt:
             self.return_lease(lease.id)
             raise
@@ -75,7 +76,8 @@ class ProgramWorker(ReferenceDevice):
         early = "" if stopped_at is None else f", ended early after {stopped_at} reports"
         self.console.say(f"{lease.id}: {shown}{early}")
         bounds = [name for name, value in values.items() if isinstance(value, Censored)]
-        return outcome | {"status": "done", "values": values, "censored": bounds, "stopped_at": stopped_at}
+        plain = {name: float(value) for name, value in values.items()}
+        return result("done", values=plain, censored=bounds, stopped_at=stopped_at)
 
 
 def make_parser() -> Parser:

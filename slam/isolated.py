@@ -18,7 +18,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -61,8 +61,8 @@ class Measurement:
     """
 
     objectives: dict[str, float]
-    stages: dict[str, float]
-    device: dict[str, Any]
+    stages: dict[str, float] = field(default_factory=dict)
+    device: dict[str, Any] = field(default_factory=dict)
     parts: tuple[dict[str, Any], ...] = ()
     reference: dict[str, Any] | None = None
 

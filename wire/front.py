@@ -4,14 +4,15 @@
 database is that JSON, in which each trajectory is named by its digest.
 """
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Annotated, Any
 
 import msgspec
 
-from wire.protocol import MOST_RUNS, VALID_BELOW
+from wire.protocol import MOST_RUNS, VALID_BELOW, VERSION
 
 DEFAULT = "default"
 BEST = "best"
@@ -20,7 +21,8 @@ ADAPTIVE = "adaptive"  # the fastest that leaves out frames, which every client 
 MAX_FRAMES = 10_000
 WITHIN_AN_HOUR = msgspec.Meta(ge=0, le=3600)  # seconds
 
-A_NAME, A_VERSION, A_DIGEST = r"^[a-z0-9][a-z0-9_-]*$", r"^[a-z0-9][a-z0-9._-]*$", r"^[0-9a-f]{64}$"
+A_NAME, A_VERSION = r"^[a-z0-9][a-z0-9_-]*$", r"^[a-z0-9][a-z0-9._-]*$"
+A_DIGEST = r"^[0-9a-f]{64}$(?!\n)"  # it becomes the name of a file
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Metres = Annotated[float, msgspec.Meta(gt=0, le=10)]
@@ -46,6 +48,32 @@ class Protocol(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     repeats: Annotated[int, msgspec.Meta(ge=1, le=MOST_RUNS)]
     rest_seconds: Annotated[int, WITHIN_AN_HOUR] | Annotated[float, WITHIN_AN_HOUR]
     max_ate: Metres = VALID_BELOW
+
+
+def disagreements(protocol: Protocol, configurations: Collection[str]) -> Iterator[str]:
+    """Inconsistencies of `protocol`, with itself or with the names of the front's `configurations`."""
+    if protocol.version > VERSION:
+        yield f"version: {protocol.version} is unknown here: this program measures by version {VERSION}"
+    if protocol.first_counted_frame >= protocol.frames:
+        yield f"first_counted_frame: {protocol.first_counted_frame} is not below frames ({protocol.frames})"
+    counts = Counter(protocol.order)
+    if unknown := [name for name in counts if name not in configurations]:
+        yield (
+            f"order: {unknown[0]!r:.80} is not a configuration of this front: choose from "
+            f"{', '.join(configurations)}"
+        )
+    if DEFAULT not in counts:
+        yield f"order: {DEFAULT} is missing: every speedup is measured against it"
+    if len(counts) == 1:
+        yield f"order: it only names {DEFAULT}: add a configuration to compare with it"
+    if len(set(counts.values())) > 1:
+        yield f"order: each configuration must appear equally often, not {dict(counts)}"
+        return
+    each = counts.most_common(1)[0][1]
+    if protocol.repeats % each:
+        yield f"repeats: order names each configuration {each} times: give {each} or a multiple of it"
+    if (runs := protocol.repeats * len(counts)) > MOST_RUNS:
+        yield f"repeats: {protocol.repeats} of {len(counts)} names are {runs} runs: give at most {MOST_RUNS}"
 
 
 class OnSequence(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -104,7 +132,7 @@ def predicted_speedup(default: Predicted | None, own: Predicted) -> float | None
     return before / after if before and after else None
 
 
-class Result(msgspec.Struct, frozen=True):
+class SequenceResult(msgspec.Struct, frozen=True):
     """The largest error (m) and the most lost frames of all measurements on one sequence."""
 
     sequence: str
@@ -131,8 +159,8 @@ class Point(msgspec.Struct, frozen=True, omit_defaults=True):
     skipped: Share | None = None
     program: Digest | None = None
     not_told_apart: tuple[Name, ...] = ()
-    learned_on: tuple[Result, ...] = ()
-    held_out: tuple[Result, ...] = ()
+    learned_on: tuple[SequenceResult, ...] = ()
+    held_out: tuple[SequenceResult, ...] = ()
 
     @property
     def runtime(self) -> float:

@@ -1,12 +1,13 @@
 """The server's manifest: a published front, a protocol, a sequence."""
 
 import hashlib
-import math
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
+
+import msgspec
 
 from client_kit.delivery.server import NotFrontrunnerError, ProblemError, Server, UnreachableError
 from client_kit.device.sources import line
@@ -14,100 +15,76 @@ from client_kit.errors import CannotMeasureError, OutdatedError, UsageError
 from client_kit.home import Home
 from groundwork import __version__
 from slam.devices.device import BACKENDS
-from wire.protocol import MOST_RUNS, VALID_BELOW, VERSION
+from wire import front
+from wire import manifest as answered
+from wire.front import DEFAULT, Metres, disagreements
+from wire.manifest import Assignment, ContentReference
+from wire.protocol import MOST_RUNS, VERSION
 
-DIGEST = re.compile(r"[0-9a-f]{64}")
 ALL = "all"
 
 
-@dataclass(frozen=True)
-class Protocol:
-    """The measuring protocol. Frames are counted from 0; times of frames before `first_counted_frame` are
-    sent but do not count. `order` names the runs of a session; every configuration gets `repeats` of them.
-    """
-
-    version: int
-    warmup_frames: int
-    frames: int
-    first_counted_frame: int
-    order: tuple[str, ...]
-    repeats: int
-    rest_seconds: float
-    max_ate: float
+class Protocol(front.Protocol, frozen=True, forbid_unknown_fields=False):
+    """The measuring protocol. Members that this client does not know are ignored."""
 
 
-@dataclass(frozen=True)
-class Reference:
-    """The reference trajectory of a configuration: the digest of its JSON, and its address."""
+class Configuration(answered.Configuration, frozen=True, kw_only=True):
+    """A configuration as a published front has it; without `backends` it runs on all."""
 
-    sha256: str
-    url: str
-
-
-@dataclass(frozen=True)
-class Configuration:
-    """A point of the front; `predicted` holds the reference device's runtime (s) and ATE (m).
-
-    `band`: how far (m) a run may be from the trajectory `reference`. `backends` are those that can run it.
-    """
-
-    name: str
-    parameters: Mapping[str, Any]
-    predicted: Mapping[str, Any]
-    band: float
-    reference: Reference
     backends: tuple[str, ...] = BACKENDS
+    band: Metres
+    trajectory: ContentReference
 
 
-@dataclass(frozen=True)
-class Chunk:
-    """A part of the sequence: `bytes` long, with this digest, at this address."""
-
-    sha256: str
-    bytes: int
-    url: str
+class _Version(msgspec.Struct):
+    version: int
 
 
-@dataclass(frozen=True)
-class Assigned:
-    """A configuration that the server asks this device to measure; `why` is a sentence for people."""
-
-    name: str
-    why: str
+class _Versioned(msgspec.Struct):
+    protocol: _Version
 
 
-@dataclass(frozen=True)
-class Manifest:
-    """One answer of GET /manifest, checked. `document` is the answer itself.
+class Manifest(answered.Manifest, frozen=True, kw_only=True, dict=True):
+    """One answer of GET /manifest, checked.
 
-    `chunks` are those of the sequence's depth, `colour` those of its colour, empty where not needed.
     `assigned` are the configurations besides the default in a manifest for one device; if empty,
     `assigned_message` may give the reason.
     """
 
-    application: str
-    front_version: str | int
-    configurations: Mapping[str, Configuration]
+    configurations: tuple[Configuration, ...]
     protocol: Protocol
-    chunks: tuple[Chunk, ...]
-    colour: tuple[Chunk, ...]
-    sequence: Mapping[str, Any]
-    consent_version: str | int
-    minimum_app_version: str
-    accepting: bool
-    assigned: tuple[Assigned, ...]
-    assigned_message: str | None
-    document: Mapping[str, Any]
+    assigned: tuple[Assignment, ...] = ()
+    assigned_message: str | None = None
 
     @classmethod
     def parse(cls, document: Mapping[str, Any]) -> "Manifest":
         """Raises NotFrontrunnerError, which names the bad member, or OutdatedError for another protocol."""
         try:
-            return _parse(document)
-        except KeyError as error:
-            raise NotFrontrunnerError(f"the server's manifest lacks {error}") from error
-        except (TypeError, ValueError, AttributeError) as error:
+            version = msgspec.convert(document, _Versioned).protocol.version
+            if version != VERSION:
+                older = "the client" if version > VERSION else "the server"
+                raise OutdatedError(
+                    f"this client measures by protocol {VERSION}, the server by {version}: {older} must be "
+                    "updated"
+                )
+            return msgspec.convert(document, cls)
+        except msgspec.ValidationError as error:
             raise NotFrontrunnerError(f"the server's manifest is not understood: {error}") from error
+
+    def __post_init__(self) -> None:
+        """Raises ValueError for members that do not fit each other."""
+        if DEFAULT not in self.by_name:
+            raise ValueError(f"configurations lacks {DEFAULT}")
+        for reason in disagreements(self.protocol, self.by_name):
+            raise ValueError(f"protocol.{reason}")
+        for one in self.assigned:
+            if one.name not in self.by_name:
+                raise ValueError(f"assigned names {one.name!r}, which configurations lacks")
+
+    @cached_property
+    def by_name(self) -> Mapping[str, Configuration]:
+        """The configurations by their names."""
+        return {configuration.name: configuration for configuration in self.configurations}
 
     def require_this_version(self) -> None:
         """Raises OutdatedError when the server wants a newer client."""
@@ -120,7 +97,7 @@ class Manifest:
     def require_accepting(self) -> None:
         """Raises CannotMeasureError when the server asks clients to pause."""
         if not self.accepting:
-            reason = line(self.document.get("message")) or "try again another day"
+            reason = line(self.message) or "try again another day"
             raise CannotMeasureError(f"the server does not accept measurements now: {reason}")
 
     def names(self, wanted: Sequence[str]) -> tuple[str, ...]:
@@ -131,10 +108,10 @@ class Manifest:
         names = list(dict.fromkeys(wanted))
         if ALL in names:
             index = names.index(ALL)
-            names[index : index + 1] = [name for name in self.configurations if name not in names]
-        unknown = [name for name in names if name not in self.configurations]
+            names[index : index + 1] = [name for name in self.by_name if name not in names]
+        unknown = [name for name in names if name not in self.by_name]
         if unknown:
-            present = ", ".join(self.configurations)
+            present = ", ".join(self.by_name)
             raise UsageError(f"the front has no configuration {unknown[0]!r}: choose from {present}, {ALL}")
         return tuple(names)
 
@@ -144,7 +121,7 @@ class Manifest:
         Every session also measures the default.
         """
         names = self.names(wanted)
-        others = [name for name in names if name != "default"]
+        others = [name for name in names if name != DEFAULT]
         most = MOST_RUNS // self.protocol.repeats - 1
         if len(others) <= most:
             return (self.plan(names),)
@@ -161,10 +138,10 @@ class Manifest:
         or for more runs than a session holds.
         """
         names = self.names(wanted) or self.protocol.order
-        if set(names) | {"default"} == set(self.protocol.order):
+        if set(names) | {DEFAULT} == set(self.protocol.order):
             round_ = self.protocol.order
         else:
-            round_ = tuple(dict.fromkeys(["default", *names]))
+            round_ = tuple(dict.fromkeys([DEFAULT, *names]))
         plan = round_
         while min(plan.count(name) for name in round_) < self.protocol.repeats:
             round_ = tuple(reversed(round_))
@@ -223,113 +200,3 @@ def _document_name(server: str, application: str | None) -> str:
     if application is None:
         return f"default-{hashlib.sha256(server.encode()).hexdigest()[:16]}.json"
     return f"manifest-{hashlib.sha256(f'{server} {application}'.encode()).hexdigest()[:16]}.json"
-
-
-def _parse(document: Mapping[str, Any]) -> Manifest:
-    points, version = document["configurations"], int(document["protocol"]["version"])
-    if version != VERSION:
-        older = "the client" if version > VERSION else "the server"
-        raise OutdatedError(
-            f"this client measures by protocol {VERSION}, the server by {version}: {older} must be updated"
-        )
-    configurations = [_configuration(described) for described in points]
-    by_name = {configuration.name: configuration for configuration in configurations}
-    if "default" not in by_name:
-        raise KeyError("configurations: default")
-    sequence = document["sequence"]
-    chunks, colour = read_sequence(sequence)
-    return Manifest(
-        application=str(document["application"]),
-        front_version=document["front_version"],
-        configurations=by_name,
-        protocol=_protocol(document["protocol"], by_name),
-        chunks=chunks,
-        colour=colour,
-        sequence=sequence,
-        consent_version=document["consent_version"],
-        minimum_app_version=str(document["minimum_app_version"]),
-        accepting=document["accepting"] is True,
-        assigned=_assigned(document.get("assigned") or (), by_name),
-        assigned_message=line(document.get("assigned_message")),
-        document=document,
-    )
-
-
-def _assigned(
-    described: Sequence[Mapping[str, Any]], configurations: Mapping[str, Configuration]
-) -> tuple[Assigned, ...]:
-    assigned = tuple(Assigned(str(one["name"]), line(one["why"]) or "") for one in described)
-    unknown = [one.name for one in assigned if one.name not in configurations]
-    if unknown:
-        raise ValueError(f"assigned names {unknown[0]!r}, which configurations lacks")
-    return assigned
-
-
-def _configuration(described: Mapping[str, Any]) -> Configuration:
-    name, backends = str(described["name"]), described.get("backends")
-    band, trajectory = float(described["band"]), described["trajectory"]
-    reference = Reference(str(trajectory["sha256"]), str(trajectory["url"]))
-    # The digest becomes a file name.
-    if not (math.isfinite(band) and band > 0 and DIGEST.fullmatch(reference.sha256)):
-        raise ValueError(f"configurations: {name} has band {band} and trajectory {reference.sha256!r}")
-    return Configuration(
-        name,
-        dict(described["parameters"]),
-        dict(described.get("predicted") or {}),
-        band,
-        reference,
-        BACKENDS if backends is None else tuple(map(str, backends)),
-    )
-
-
-def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configuration]) -> Protocol:
-    order = tuple(str(name) for name in protocol["order"])
-    unknown = [name for name in order if name not in configurations]
-    if unknown or "default" not in order:
-        raise ValueError(f"protocol.order {list(order)} lacks default or has an unknown name")
-    warmup, frames, first = (
-        int(protocol[name]) for name in ("warmup_frames", "frames", "first_counted_frame")
-    )
-    rest = float(protocol["rest_seconds"])
-    if not (warmup >= 0 and 0 <= first < frames and math.isfinite(rest) and rest >= 0):
-        raise ValueError(f"protocol {dict(protocol)} is out of range")
-    # An order such as default, best, best, default lists its repeats explicitly.
-    repeats = max(int(protocol["repeats"]), order.count("default"))
-    runs = -(-repeats // min(order.count(name) for name in order)) * len(order)
-    # The default and any one other configuration must fit into a session, too.
-    if max(runs, 2 * repeats) > MOST_RUNS:
-        raise ValueError(f"protocol.repeats {repeats} of {list(order)} are more than {MOST_RUNS} runs")
-    return Protocol(
-        version=int(protocol["version"]),
-        warmup_frames=warmup,
-        frames=frames,
-        first_counted_frame=first,
-        order=order,
-        repeats=repeats,
-        rest_seconds=rest,
-        max_ate=float(protocol.get("max_ate", VALID_BELOW)),
-    )
-
-
-def read_sequence(sequence: Mapping[str, Any]) -> tuple[tuple[Chunk, ...], tuple[Chunk, ...]]:
-    """The chunks of `sequence` and of its colour, checked; the latter empty without colour.
-
-    Raises KeyError, TypeError or ValueError for invalid ones.
-    """
-    return _chunks(sequence, "sequence"), _chunks(sequence.get("colour"), "sequence.colour")
-
-
-def _chunks(pack: Mapping[str, Any] | None, member: str) -> tuple[Chunk, ...]:
-    if pack is None:
-        return ()
-    if not DIGEST.fullmatch(pack["sha256"]):
-        raise ValueError(f"{member}.sha256 is {pack['sha256']!r}, not 64 hexadecimal digits")
-    return tuple(_chunk(chunk, member) for chunk in pack["chunks"])
-
-
-def _chunk(chunk: Mapping[str, Any], member: str) -> Chunk:
-    digest, size = str(chunk["sha256"]), int(chunk["bytes"])
-    # The digest becomes a file name.
-    if not DIGEST.fullmatch(digest) or size <= 0:
-        raise ValueError(f"{member} chunk {digest!r} of {size} bytes")
-    return Chunk(digest, size, str(chunk["url"]))

@@ -7,9 +7,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from client_kit.delivery import downloads
-from client_kit.delivery.manifest import Configuration, Manifest, Reference
+from client_kit.delivery.manifest import Configuration, Manifest
 from client_kit.delivery.server import NotFrontrunnerError, Server
 from client_kit.home import Home, write_file
+from wire.manifest import ContentReference
 
 # [x, y, z] of each frame, metres in the volume's frame.
 Positions = Sequence[Sequence[float]]
@@ -38,8 +39,10 @@ def read(manifest: Manifest, home: Home) -> dict[str, Positions]:
     Raises NotFrontrunnerError for a file that is not a trajectory of the protocol's frames.
     """
     return {
-        name: _positions(home.trajectory(configuration.reference.sha256), configuration, manifest)
-        for name, configuration in manifest.configurations.items()
+        configuration.name: _positions(
+            home.trajectory(configuration.trajectory.sha256), configuration, manifest
+        )
+        for configuration in manifest.configurations
     }
 
 
@@ -52,11 +55,8 @@ def deviation(positions: Positions, reference: Positions) -> float:
     return max(distances) if all(map(math.isfinite, distances)) else math.nan
 
 
-def _missing(manifest: Manifest, home: Home) -> list[Reference]:
-    wanted = {
-        configuration.reference.sha256: configuration.reference
-        for configuration in manifest.configurations.values()
-    }
+def _missing(manifest: Manifest, home: Home) -> list[ContentReference]:
+    wanted = {one.trajectory.sha256: one.trajectory for one in manifest.configurations}
     return [
         reference
         for sha256, reference in wanted.items()

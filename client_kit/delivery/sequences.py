@@ -3,28 +3,18 @@
 import json
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
+
+import msgspec
+from msgspec.structs import replace
 
 from client_kit.delivery import downloads
-from client_kit.delivery.manifest import Chunk
 from client_kit.delivery.server import Server
 from client_kit.home import Home, write_file
 from slam.datasets.formats.pack import MANIFEST, colour_folder
-
-
-class Download(Protocol):
-    """An object with a sequence and its chunks: a manifest, or a lease."""
-
-    @property
-    def sequence(self) -> Mapping[str, Any]: ...
-
-    @property
-    def chunks(self) -> tuple[Chunk, ...]: ...
-
-    @property
-    def colour(self) -> tuple[Chunk, ...]: ...
+from wire.manifest import Chunk, Sequence
 
 
 class _Pack(NamedTuple):
@@ -37,17 +27,17 @@ class _Pack(NamedTuple):
 
 def fetch(
     server: Server,
-    manifest: Download,
+    sequence: Sequence,
     home: Home,
     progress: Callable[[int, int], None] | None = None,
     pause: Callable[[float], None] = time.sleep,
 ) -> Path:
-    """The folder of the manifest's sequence as a pack, complete and checked.
+    """The folder of `sequence` as a pack, complete and checked.
 
     Chunks of an interrupted download are reused. `progress` is called with the bytes present and in total.
     Raises HomeError (a full disk), and what `downloads.fetch` raises.
     """
-    packs, total = _packs(manifest, home), size(manifest)
+    packs, total = _packs(sequence, home), size(sequence)
     done = 0
     for pack in packs:
         for chunk in pack.chunks:
@@ -63,9 +53,9 @@ def fetch(
     return packs[-1].folder
 
 
-def find_complete(manifest: Download, home: Home) -> Path | None:
-    """The folder of the manifest's sequence if it was downloaded completely before, else None."""
-    packs = _packs(manifest, home)
+def find_complete(sequence: Sequence, home: Home) -> Path | None:
+    """The folder of `sequence` if it was downloaded completely before, else None."""
+    packs = _packs(sequence, home)
     whole = all(
         os.access(pack.folder / MANIFEST, os.R_OK)
         and all(
@@ -77,23 +67,25 @@ def find_complete(manifest: Download, home: Home) -> Path | None:
     return packs[-1].folder if whole else None
 
 
-def size(manifest: Download) -> int:
+def size(sequence: Sequence) -> int:
     """The bytes of the sequence, including its colour where required."""
-    return sum(chunk.bytes for chunk in (*manifest.chunks, *manifest.colour))
+    colour = () if sequence.colour is None else sequence.colour.chunks
+    return sum(chunk.bytes for chunk in (*sequence.chunks, *colour))
 
 
-def _packs(manifest: Download, home: Home) -> list[_Pack]:
+def _packs(sequence: Sequence, home: Home) -> list[_Pack]:
     """The folders of the sequence, existing or not: depth last."""
-    sequence = manifest.sequence
-    folder = home.sequence(str(sequence["sha256"]))
-    packs = [_Pack(folder, manifest.chunks, _description(sequence))]
-    if manifest.colour:
-        beside = _description({**sequence, **sequence["colour"]})
-        packs.insert(0, _Pack(colour_folder(folder), manifest.colour, beside))
+    folder, colour = home.sequence(sequence.sha256), sequence.colour
+    packs = [_Pack(folder, sequence.chunks, _description(sequence))]
+    if colour is not None:
+        beside = replace(sequence, name=colour.name, sha256=colour.sha256, chunks=colour.chunks)
+        packs.insert(0, _Pack(colour_folder(folder), colour.chunks, _description(beside)))
     return packs
 
 
-def _description(pack: Mapping[str, Any]) -> bytes:
-    chunks = [{key: value for key, value in chunk.items() if key != "url"} for chunk in pack["chunks"]]
-    kept = {key: value for key, value in pack.items() if key != "colour"}
-    return json.dumps({**kept, "chunks": chunks}, indent=1).encode()
+def _description(sequence: Sequence) -> bytes:
+    """The content of a pack.json."""
+    chunks = [{"sha256": chunk.sha256, "bytes": chunk.bytes} for chunk in sequence.chunks]
+    kept: dict[str, Any] = msgspec.to_builtins(sequence) | {"chunks": chunks}
+    del kept["colour"]
+    return json.dumps(kept, indent=1).encode()

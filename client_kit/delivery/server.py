@@ -18,14 +18,14 @@ from dataclasses import dataclass
 from email.message import Message
 from typing import Any
 
+import msgspec
+
 from client_kit import APP
 from client_kit.errors import ClientError, OutdatedError, UsageError
 from groundwork import __version__
+from wire.lease import LEASE_VERSION, LeaseRequest
 
 TIMEOUT_SECONDS = 30.0
-# Features of leases that this client supports: several sequences, perturbed depth, an early stop, parts of a
-# result.
-LEASE_VERSION = 2
 LARGEST_ANSWER = 4 * 2**20
 LARGEST_EXPORT = 2**30
 LONGEST_WAIT_SECONDS = 24 * 3600.0
@@ -190,9 +190,8 @@ class Server:
 
     def lease(self, token: str, device: str, worker: str) -> dict[str, Any] | None:
         """The next evaluation for a reference device, or None."""
-        wish = {"device": device, "worker": worker, "lease_version": LEASE_VERSION}
-        body = json.dumps(wish).encode()
-        answer = self._call("POST", "/leases", token=token, body=body)
+        request = LeaseRequest(device, worker, LEASE_VERSION)
+        answer = self._call("POST", "/leases", token=token, body=msgspec.json.encode(request))
         return None if answer.status == 204 else answer.json()
 
     def heartbeat(self, token: str, lease: str) -> None:

@@ -213,7 +213,7 @@ class SessionRunner:
             self.schedule.end()
         if isinstance(outcome, Outcome):
             self.stage_clock = outcome.report["stage_clock"]
-        configuration = self._manifest.configurations[name]
+        configuration = self._manifest.by_name[name]
         return recorded(configuration, repeat, order, outcome, self._references[name])
 
     def _label(self, name: str, order: int) -> str:
@@ -236,7 +236,7 @@ class SessionRunner:
         self.schedule.begin()
         try:
             first = min(self._manifest.protocol.first_counted_frame, frames)
-            parameters = self._manifest.configurations[name].parameters
+            parameters = self._manifest.by_name[name].parameters
             return self._worker.measure(parameters, frames, first, between_frames)
         except BrokenError as error:
             self._hopeless[name] = str(error)
@@ -248,5 +248,5 @@ class SessionRunner:
 
     def _nothing_runs(self, reason: str) -> str:
         """Record and return the `reason` why no configuration is tried any more."""
-        self._hopeless = dict.fromkeys(self._manifest.configurations, reason) | self._hopeless
+        self._hopeless = dict.fromkeys(self._manifest.by_name, reason) | self._hopeless
         return reason

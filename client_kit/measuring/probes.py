@@ -1,13 +1,14 @@
 """Probes: further configurations that the server assigns to this device."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from statistics import fmean
 
 from client_kit.delivery.manifest import Manifest, Protocol
 from client_kit.delivery.server import Server
+from client_kit.device.sources import line
 from client_kit.measuring.session import Session
+from wire.front import DEFAULT
 
-DEFAULT = "default"
 # The time limit of a session of probes.
 MINUTES = 2.0
 
@@ -52,7 +53,7 @@ def describe(asked: Manifest, names: Sequence[str]) -> list[str]:
             f"No further configurations are measured: {out} would take longer than {MINUTES:.0f} minutes."
         ]
     shown = ["", "The server assigns further configurations to this device:"]
-    shown += [f"  {one.name}: {one.why}" for one in asked.assigned if one.name in names]
+    shown += [f"  {one.name}: {line(one.why) or ''}" for one in asked.assigned if one.name in names]
     return shown + ([f"Left out, as {MINUTES:.0f} minutes are too short: {out}"] if out else [])
 
 
@@ -74,11 +75,9 @@ def thanks(session: Session) -> str:
 
 def _time_ratio(asked: Manifest, name: str) -> float:
     """The predicted time of a frame over the default's; 1 where nothing is predicted."""
-    predicted: Mapping[str, float] = asked.configurations[name].predicted
-    ratio, runtime = predicted.get("runtime_ratio"), predicted.get("runtime")
-    reference: float | None = asked.configurations[DEFAULT].predicted.get("runtime")
     if name == DEFAULT:
         return 1.0
-    if ratio:
-        return ratio
-    return runtime / reference if runtime and reference else 1.0
+    reference, predicted = asked.by_name[DEFAULT].predicted, asked.by_name[name].predicted
+    if predicted.runtime_ratio:
+        return predicted.runtime_ratio
+    return predicted.runtime / reference.runtime if predicted.runtime and reference.runtime else 1.0

@@ -12,6 +12,7 @@ from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.server import Server
 from client_kit.delivery.spool import Spool
 from client_kit.device import description, preflight, requirements, selection, sensors
+from client_kit.device.sources import line
 from client_kit.errors import CannotMeasureError, ClientError, UsageError
 from client_kit.home import Home
 from client_kit.measuring import probes, session
@@ -75,8 +76,8 @@ def run(
     plans = asked.plans(_select_runnable(names, asked, chosen.backend, console))
     _consent(options, home, console, server, asked, chosen, identity)
     sending.renew(spool, home, server.url, asked.consent_version)
-    present = sequences.find_complete(asked, home)
-    _ready(options, home, console, root, download=0 if present else sequences.size(asked))
+    present = sequences.find_complete(asked.sequence, home)
+    _ready(options, home, console, root, download=0 if present else sequences.size(asked.sequence))
     path = present or _download(server, asked, home, console, fresh)
     if not reference_trajectories.all_present(asked, home):
         _require_fresh(fresh, server, "reference trajectories are")
@@ -178,8 +179,8 @@ def _prepared_probes(
     assigned.require_this_version()
     assigned.require_accepting()
     if not assigned.assigned:
-        if assigned.assigned_message:
-            console.say(f"No further configurations to measure: {assigned.assigned_message}")
+        if why := line(assigned.assigned_message):
+            console.say(f"No further configurations to measure: {why}")
         return None
     if not consent.is_agreed(home, server.url, assigned.consent_version):
         raise CannotMeasureError("the consent text has changed: the next `run` asks for your agreement")
@@ -187,7 +188,8 @@ def _prepared_probes(
     console.lines(probes.describe(assigned, names))
     if not names or not (options.probes or console.ask(probes.question(names))):
         return None
-    path = sequences.find_complete(assigned, home) or _download(server, assigned, home, console, fresh=True)
+    present = sequences.find_complete(assigned.sequence, home)
+    path = present or _download(server, assigned, home, console, fresh=True)
     reference_trajectories.fetch(server, assigned, home)
     return path, assigned, names
 
@@ -199,7 +201,7 @@ def _select_runnable(
 
     Raises CannotMeasureError if none of `names` fits.
     """
-    backends = {name: asked.configurations[name].backends for name in names}
+    backends = {name: asked.by_name[name].backends for name in names}
     out = [name for name in preflight.unsupported(backends, backend) if name not in asked.protocol.order]
     if not out:
         return names
@@ -280,7 +282,7 @@ def _consent_text(
     show_model: bool | None = None,
 ) -> str:
     sample = _sample_payload(asked, chosen, identity, show_model)
-    return consent.text(server.url, asked.consent_version, sequences.size(asked), sample)
+    return consent.text(server.url, asked.consent_version, sequences.size(asked.sequence), sample)
 
 
 def _sample_payload(
@@ -301,13 +303,13 @@ def _sample_payload(
 
 def _download(server: Server, asked: Manifest, home: Home, console: Console, fresh: bool) -> Path:
     _require_fresh(fresh, server, "sequence is")
-    name = asked.sequence["name"]
-    console.say(f"Downloading the sequence {name}, {sequences.size(asked) / 1e6:.1f} MB")
+    name = asked.sequence.name
+    console.say(f"Downloading the sequence {name}, {sequences.size(asked.sequence) / 1e6:.1f} MB")
     return sequences.fetch(
         server,
-        asked,
+        asked.sequence,
         home,
-        progress=lambda done, total: console.bar(str(name), done // 1000, total // 1000, " kB"),
+        progress=lambda done, total: console.bar(name, done // 1000, total // 1000, " kB"),
     )
 
 

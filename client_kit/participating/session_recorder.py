@@ -98,7 +98,7 @@ class SessionRecorder:
             self.spool.keep_draft(self.server.url, payload(so_far), agreed)
 
         def on_run(run: Run) -> None:
-            adapts = SYSTEMS[asked.application].skips(asked.configurations[run.configuration].parameters)
+            adapts = SYSTEMS[asked.application].skips(asked.by_name[run.configuration].parameters)
             self.console.lines(summary.run_lines(run, asked.protocol, adapts))
 
         with self.home.only_one("measurement") as alone:
@@ -124,7 +124,7 @@ class SessionRecorder:
 
     def _impossible(self, asked: Manifest, plan: tuple[str, ...]) -> dict[str, str]:
         """The reasons of the configurations that this device cannot run."""
-        planned = [asked.configurations[name] for name in plan]
+        planned = [asked.by_name[name] for name in plan]
         parameters = {configuration.name: configuration.parameters for configuration in planned}
         backends = {configuration.name: configuration.backends for configuration in planned}
         too_large = preflight.too_large(parameters, self.device, self.root)

@@ -1,7 +1,7 @@
 """The meanings of the API's JSON members, where their schemas do not give them.
 
-Members of records have theirs in crowd/records. _SHARED has the meaning of a name in most other schemas,
-_SPECIAL that of a member of one schema.
+Members of records have theirs in crowd/records and wire. _SHARED has the meaning of a name in most other
+schemas, _SPECIAL that of a member of one schema.
 """
 
 _SHARED = {
@@ -136,6 +136,9 @@ _SPECIAL = {
     "Lease.frames": "frames to run of each sequence; null for all",
     "Lease.objectives": "names of what is minimised",
     "LeaseRequest.device": "name of the reference device that asks",
+    "Protocol.frames": "frames of each run, from the sequence's first",
+    "Protocol.order": "the runs in turn; they run forwards and back until each has its repeats",
+    "Protocol.version": "1 or later; a client measures by its own version only",
     "Recommendation.state": "measured or predicted",
     "Result.configuration": "what was measured, as the lease gave it",
     "Result.device": "description of the device that measured",

@@ -1,7 +1,6 @@
 """Leases over HTTP, for machines without Celery. Types are strict."""
 
 from collections.abc import Iterable
-from typing import Annotated, Any, Literal
 
 import msgspec
 from django.conf import settings
@@ -16,115 +15,8 @@ from crowd.explorations.searching.applications import application_of, measured_p
 from crowd.fronts import responses
 from crowd.http.decoding import decode_body
 from crowd.http.problems import Problem
-from crowd.records.evaluation import Part
-
-Text = Annotated[str, msgspec.Meta(max_length=200)]
-Reason = Annotated[str, msgspec.Meta(max_length=500)]
-Name = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,63}$")]
-# Seconds, metres, bytes, joules: never negative, and JSON has no infinite numbers.
-Quantity = Annotated[float, msgspec.Meta(ge=0)]
-Quantities = Annotated[dict[Name, Quantity], msgspec.Meta(max_length=64)]
-Frames = Annotated[int, msgspec.Meta(ge=0)]
-Description = Annotated[dict[Text, Reason | float | bool | None], msgspec.Meta(max_length=32)]
-LEASE_VERSION = 2  # what clients must send: they measure several sequences, perturb depth and stop early
-
-
-class LeaseRequest(msgspec.Struct):
-    """A request for work: the expected reference device, and a name of the worker for people.
-
-    `lease_version` must be 2: the client measures all `sequences` of a lease, respects `perturbation`,
-    `stop_above` and `stop_after`, and sends the `parts` of its result.
-    """
-
-    device: Text | None = None
-    worker: Text = ""
-    lease_version: int = 1
-
-
-class Lease(msgspec.Struct):
-    """An evaluation, leased for `lease_seconds` after each heartbeat.
-
-    Measure `sequences` in this order. `frames`: to run of each, null for all.
-    `perturbation`: seed by which each depth is changed by one unit, 0 for none. A sequence may end early once
-    it is certain to be above all values of one of `stop_above` (`ate_max` in metres, `runtime` in seconds a
-    frame), and after `stop_after` such sequences run no other. Objectives and stages of the result are those
-    of the first `learned_on` sequences. The others are held out: a lost camera there is a result, not a
-    failure. `opencl_device`: part of the description of a device of `backend`. A measurement fails after
-    `timeout_seconds` for each sequence.
-
-    A user's program has no sequences. Its last line has all `objectives`, and, where `feasible` is given, a
-    field of that name, with that text if it is feasible. `stop_above` has limits of these objectives, lower
-    ones of those `maximised`. A program that must end gets SIGTERM, and its process group SIGKILL
-    `grace_seconds` later.
-    """
-
-    id: str
-    application: str
-    configuration: dict[str, Any]
-    frames: int | None
-    backend: str
-    opencl_device: str
-    sequences: list[responses.Sequence]
-    perturbation: int
-    stop_above: list[dict[str, float]]
-    stop_after: int
-    learned_on: int
-    objectives: list[str]
-    maximised: list[str]
-    feasible: tuple[str, str] | None
-    lease_seconds: float
-    heartbeat_seconds: float
-    timeout_seconds: float
-    grace_seconds: float
-
-
-class MeasuredPart(Part):
-    """The result on one sequence: its name, lost frames and objectives.
-
-    `stopped_at`: after how many frames it ended early. Errors are then those so far, or less.
-    """
-
-    sequence: Text
-    lost: Frames
-    objectives: Quantities
-    stopped_at: Frames | None = None
-
-
-class Result(msgspec.Struct):
-    """The result of an evaluation.
-
-    `done` needs `objectives` (seconds per frame, metres), `stages` (mean seconds per frame), `device` and
-    `parts`, the objectives of each sequence that was run; of a program `values` instead. Of a program that
-    ended early, `stopped_at` counts its reports so far, and `censored` names the values that are bounds: the
-    final ones are these or worse. `failed` needs an `error`. `returned` lets another machine measure it;
-    `error` may say why this one cannot. Send the `configuration` of the lease, so that a result is never
-    stored for another evaluation.
-    """
-
-    status: Literal["done", "failed", "returned"]
-    objectives: Quantities | None = None
-    stages: Quantities | None = None
-    device: Description | None = None
-    parts: Annotated[list[MeasuredPart], msgspec.Meta(max_length=1000)] | None = None
-    values: Annotated[dict[Text, float], msgspec.Meta(max_length=64)] | None = None
-    censored: Annotated[list[Text], msgspec.Meta(max_length=64)] = []
-    stopped_at: Annotated[int, msgspec.Meta(ge=1)] | None = None
-    error: Reason = ""
-    software: Annotated[str, msgspec.Meta(max_length=64)] = ""
-    configuration: dict[str, Any] | None = None
-
-
-class Held(msgspec.Struct):
-    """The lease is valid for this long from now."""
-
-    lease_seconds: float
-
-
-class Stored(msgspec.Struct):
-    """The new state of the evaluation."""
-
-    state: str
-
+from wire.evaluation import as_measured
+from wire.lease import LEASE_VERSION, Held, Lease, LeaseRequest, Result, Stored
 
 _REQUEST = msgspec.json.Decoder(LeaseRequest)
 _RESULT = msgspec.json.Decoder(Result)
@@ -193,22 +85,20 @@ def _store(evaluation: Evaluation, result: Result) -> bool:
         return leases.return_evaluation(evaluation, result.error)
     if result.status == "failed":
         return leases.fail(evaluation, result.error, result.software)
-    if evaluation.exploration.measures_program:
-        result_checks.check_program(evaluation, result.values or {}, result.censored, result.stopped_at)
-        return leases.record(evaluation, _measured(evaluation, result), result.software)
     measured = _measured(evaluation, result)
-    result_checks.check_system(
-        evaluation, measured, [part.objectives for part in result.parts or []], result.software
-    )
+    if evaluation.exploration.measures_program:
+        result_checks.check_program(evaluation, result)
+    else:
+        result_checks.check_system(evaluation, result, measured)
     return leases.record(evaluation, measured, result.software)
 
 
 def _measured(evaluation: Evaluation, result: Result) -> Measurement:
     if evaluation.exploration.measures_program:
         ended = {"stopped_at": result.stopped_at, "censored": result.censored}
-        return Measurement(result.values or {}, {}, {}, (ended,) if result.stopped_at else ())
+        return Measurement(result.values or {}, parts=(ended,) if result.stopped_at else ())
     parts = tuple(part.stored for part in result.parts or [])
-    return Measurement(result.objectives or {}, result.stages or {}, result.device or {}, parts)
+    return Measurement(result.objectives or {}, parts=parts, **as_measured(result))
 
 
 def _matches(result: Result, evaluation: Evaluation) -> bool:
@@ -269,13 +159,13 @@ def _lease(evaluation: Evaluation) -> Lease:
         frames=evaluation.frames,
         backend=exploration.reference_device.backend,
         opencl_device=exploration.reference_device.opencl_device,
-        sequences=[responses.sequence(pack) for _, pack in measurement.packs_for(evaluation)],
+        sequences=tuple(responses.sequence(pack) for _, pack in measurement.packs_for(evaluation)),
         perturbation=evaluation.perturbation,
-        stop_above=evaluation.stop_above,
+        stop_above=tuple(evaluation.stop_above),
         stop_after=measurement.stop_after(evaluation),
         learned_on=len(exploration.learned_on),
-        objectives=exploration.objectives,
-        maximised=exploration.options.get("maximised", []),
+        objectives=tuple(exploration.objectives),
+        maximised=tuple(exploration.options.get("maximised", ())),
         feasible=exploration.options.get("feasible"),
         lease_seconds=settings.FRONTRUNNER_LEASE_SECONDS,
         heartbeat_seconds=settings.FRONTRUNNER_HEARTBEAT_SECONDS,

@@ -10,9 +10,12 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes.public_rows import public_row
 from crowd.explorations.searching.points import Point
 from crowd.explorations.selectors import Progress
-from crowd.records.evaluation import EvaluationRow
 from crowd.records.record import answer, fill
 from slam.public_text import without_folders
+from wire.evaluation import EvaluationRow
+from wire.exploration import Pack, Settings
+
+IN_DETAIL = ("space", "sequence_sha256", "error_quantile", "objectives", "limits", "frames", "command")
 
 
 class Elsewhere(msgspec.Struct):
@@ -22,23 +25,17 @@ class Elsewhere(msgspec.Struct):
     device: str
 
 
-class ExplorationSummary(msgspec.Struct):
+class ExplorationSummary(answer(Settings, IN_DETAIL)):  # type: ignore[misc]
     """An exploration in a list. Evaluations are counted by state.
 
     `measured_elsewhere` is null if this server's reference device measured it.
     """
 
     id: int
-    application: str
-    sequence: str
     reference_device: str
     measured_elsewhere: Elsewhere | None
-    method: str
-    seed: int
-    budget: int
     state: str
     evaluations: dict[str, int]
-    created_at: datetime
     finished_at: datetime | None
 
 
@@ -47,13 +44,6 @@ class ExplorationPage(msgspec.Struct):
 
     results: list[ExplorationSummary]
     next: str | None
-
-
-class Pack(msgspec.Struct):
-    """A sequence by its name and digest."""
-
-    name: str
-    sha256: str
 
 
 class EvaluationAnswer(answer(EvaluationRow)):  # type: ignore[misc]
@@ -74,7 +64,7 @@ class FrontPoint(msgspec.Struct):
     frames: int | None
 
 
-class ExplorationDetail(ExplorationSummary):
+class ExplorationDetail(answer(Settings, base=ExplorationSummary)):  # type: ignore[misc]
     """An exploration with a page of `measurements`; `next` is the address of the following page, or null.
 
     The search learns on `sequences`; clients measure on the first, `sequence`. The error at `error_quantile`
@@ -83,15 +73,8 @@ class ExplorationDetail(ExplorationSummary):
     itself, or why a machine cannot measure.
     """
 
-    space: dict[str, Any]
-    sequence_sha256: str
     sequences: list[Pack]
     held_out: list[Pack]
-    error_quantile: float
-    objectives: list[str]
-    limits: dict[str, float]
-    frames: int | None
-    command: str
     note: str
     front: list[FrontPoint]
     measurements: list[EvaluationAnswer]
@@ -100,7 +83,7 @@ class ExplorationDetail(ExplorationSummary):
 
 def summary(progress: Progress) -> ExplorationSummary:
     """`progress` as JSON in a list."""
-    return ExplorationSummary(**_summary(progress))
+    return fill(ExplorationSummary, progress.exploration, **_state(progress))
 
 
 def detail(
@@ -108,16 +91,12 @@ def detail(
 ) -> ExplorationDetail:
     """`progress` with its `front`, a page of `measurements`, and the address of the `following` page."""
     row = progress.exploration
-    return ExplorationDetail(
-        **_summary(progress),
-        space=row.space,
-        sequence_sha256=row.sequence_sha256,
+    return fill(
+        ExplorationDetail,
+        row,
+        **_state(progress),
         sequences=[Pack(**pack) for pack in row.learned_on],
         held_out=[Pack(**pack) for pack in row.held_out_sequences],
-        error_quantile=row.error_quantile,
-        objectives=row.objectives,
-        limits=row.limits,
-        frames=row.frames,
         command=without_folders(row.command),
         note=without_folders(row.note),
         front=[_front_point(row, point) for point in front],
@@ -126,18 +105,13 @@ def detail(
     )
 
 
-def _summary(progress: Progress) -> dict[str, Any]:
+def _state(progress: Progress) -> dict[str, Any]:
     row = progress.exploration
     device = row.reference_device
     return {
         "id": row.pk,
-        "application": row.application,
-        "sequence": row.sequence,
         "reference_device": device.name,
         "measured_elsewhere": Elsewhere(device.elsewhere, device.opencl_device) if device.elsewhere else None,
-        "method": row.method,
-        "seed": row.seed,
-        "budget": row.budget,
         "state": row.state,
         "evaluations": {
             "pending": progress.pending,
@@ -145,7 +119,6 @@ def _summary(progress: Progress) -> dict[str, Any]:
             "done": progress.done,
             "failed": progress.failed,
         },
-        "created_at": row.created_at,
         "finished_at": row.finished_at,
     }
 

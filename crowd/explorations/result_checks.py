@@ -17,37 +17,31 @@ from pareto.fronts.objective import Objective
 from pareto.search.stopping import find_stop
 from slam.stopping import ERROR, TIME, find_broken, least_time
 from slam.system import STAGES
+from wire.evaluation import Part
+from wire.lease import Result
 from wire.protocol import FIRST_STOP, RUNTIMES, SHORTEST_FRAME_US, STAGE_SLACK_US, STAGE_TOLERANCE
 
 MICROSECONDS = 1e6  # a second
 REQUIRED_OBJECTIVES = ("runtime", "ate_max")  # by all pages, for any objectives
 
 
-def check_program(
-    evaluation: Evaluation, values: Mapping[str, float], censored: Sequence[str], stopped_at: int | None
-) -> None:
-    """Check the `values` of a program, which ended early after `stopped_at` reports, if at all.
-
-    The objectives `censored` are then bounds.
-    """
+def check_program(evaluation: Evaluation, result: Result) -> None:
+    """Check the `result` of a program."""
+    values = result.values or {}
     if missing := [name for name in evaluation.exploration.objectives if name not in values]:
         raise Problem("invalid_field", f"values lack {', '.join(missing)}", field="values")
-    _check_early_end(evaluation, values, censored, stopped_at)
+    _check_early_end(evaluation, values, result.censored, result.stopped_at)
 
 
-def check_system(
-    evaluation: Evaluation,
-    measured: Measurement,
-    objectives_of_parts: Iterable[Mapping[str, float]],
-    software: str,
-) -> None:
-    """Check what `software` measured of a SLAM system: as a whole, and over each sequence."""
+def check_system(evaluation: Evaluation, result: Result, measured: Measurement) -> None:
+    """Check the `result` of a SLAM system, `measured`: as a whole, and over each sequence."""
+    parts = result.parts or []
     _require(evaluation, measured.objectives, "objectives")
-    _check_parts(evaluation, measured.parts)
-    _check_software(software)
+    _check_parts(evaluation, parts)
+    _check_software(result.software)
     _check_stages(measured.objectives["runtime"], measured.stages)
     side = _largest_volume(evaluation)
-    for values in (measured.objectives, *objectives_of_parts):
+    for values in (measured.objectives, *(part.objectives for part in parts)):
         _check_possible(values, side)
     if too_fast := work_bound.beyond_work(evaluation, measured):
         raise Problem("invalid_field", too_fast, field="objectives")
@@ -152,10 +146,10 @@ def _require(evaluation: Evaluation, objectives: Mapping[str, Any], field: str, 
         raise Problem("invalid_field", f"objectives{of} lack {', '.join(missing)}", field=field)
 
 
-def _check_parts(evaluation: Evaluation, parts: Sequence[Mapping[str, Any]]) -> None:
+def _check_parts(evaluation: Evaluation, parts: Sequence[Part]) -> None:
     """Raise Problem 400 if `parts` do not match the sequences of `evaluation`'s lease."""
     wanted = [pack["name"] for pack in measurement.sequence_names(evaluation)]
-    measured = [part["sequence"] for part in parts]
+    measured = [part.sequence for part in parts]
     for name in measured:
         if name not in wanted or measured.count(name) > 1:
             raise Problem(
@@ -165,12 +159,12 @@ def _check_parts(evaluation: Evaluation, parts: Sequence[Mapping[str, Any]]) -> 
                 field="parts",
             )
     for part in parts:
-        _require(evaluation, part, "parts", f" of {part['sequence']}")
-        stopped = part["stopped_at"]
+        _require(evaluation, part.objectives, "parts", f" of {part.sequence}")
+        stopped = part.stopped_at
         if stopped is not None and (stopped < FIRST_STOP or not _above(evaluation, part)):
             raise Problem(
                 "invalid_field",
-                f"{part['sequence']} ended after {stopped} frames: run at least {FIRST_STOP}, and on until a "
+                f"{part.sequence} ended after {stopped} frames: run at least {FIRST_STOP}, and on until a "
                 "condition of stop_above is broken",
                 field="parts",
             )
@@ -184,13 +178,13 @@ def _check_parts(evaluation: Evaluation, parts: Sequence[Mapping[str, Any]]) -> 
         )
 
 
-def _stopped(evaluation: Evaluation, parts: Iterable[Mapping[str, Any]]) -> bool:
+def _stopped(evaluation: Evaluation, parts: Iterable[Part]) -> bool:
     """Whether enough of `parts` break a condition to stop before the last sequence."""
     above = [part for part in parts if _above(evaluation, part)]
     return len(above) >= measurement.stop_after(evaluation)
 
 
-def _above(evaluation: Evaluation, part: Mapping[str, Any]) -> bool:
+def _above(evaluation: Evaluation, part: Part) -> bool:
     """Whether `part` is certain to be above one of the conditions of `evaluation`."""
-    certain = {ERROR: part[ERROR], TIME: least_time(part[TIME])}
+    certain = {ERROR: part.objectives[ERROR], TIME: least_time(part.objectives[TIME])}
     return find_broken(evaluation.stop_above, certain) is not None

@@ -23,7 +23,6 @@ from crowd.explorations.searching.applications import (
 )
 from crowd.explorations.searching.baseline_configurations import DEFAULT
 from crowd.explorations.searching.batches import WantedEvaluation
-from crowd.explorations.searching.rows import Row
 from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
 from pareto import Explorer
 from pareto.errors import ParetoError
@@ -212,7 +211,9 @@ def advance(exploration_id: int) -> list[Evaluation]:
     if exploration.prepares_id is not None:
         return preparation.advance(exploration_id)
     try:
-        return _ask_search(exploration, search.with_ratios(exploration, search.read_rows(exploration)))
+        evaluations = search.read_rows(exploration)
+        ratios.fill_ratios(exploration, evaluations)
+        return _ask_search(exploration, evaluations)
     except Error:
         raise
     except Exception as error:
@@ -240,7 +241,7 @@ def unfinished_evaluations(exploration: Exploration) -> QuerySet[Evaluation]:
     return exploration.evaluations.filter(state__in=(Evaluation.State.PENDING, Evaluation.State.RUNNING))
 
 
-def _ask_search(exploration: Exploration, evaluations: Sequence[Row]) -> list[Evaluation]:
+def _ask_search(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
     """Continue the search; after it, repeat the best points; after these, finish."""
     explorer = search.informed_explorer(exploration, evaluations)
     searched = _search(exploration, evaluations, explorer)
@@ -269,7 +270,7 @@ def _ask_search(exploration: Exploration, evaluations: Sequence[Row]) -> list[Ev
 
 
 def _search(
-    exploration: Exploration, evaluations: Sequence[Row], explorer: Explorer
+    exploration: Exploration, evaluations: Sequence[Evaluation], explorer: Explorer
 ) -> list[WantedEvaluation]:
     """The next proposals, or outliers to check first; nothing after the budget is used up."""
     if exploration.recheck and (far := search.outliers(exploration, evaluations)):
@@ -302,8 +303,7 @@ def _repeats(exploration: Exploration) -> list[WantedEvaluation]:
     missing = []
     recommended = search.recommended_configurations(exploration, search.read_rows(exploration))
     for point in points.worth_publishing(exploration, measured, recommended):
-        wanted = batches.configuration_digest(point.configuration)
-        so_far = sum(row.configuration_key == wanted for row in repeats)
+        so_far = sum(row.configuration_key == point.key for row in repeats)
         missing.append((point.configuration, point.label, exploration.repeats - so_far))
     return batches.repeat_rounds(missing, batches.round_default(exploration))
 

@@ -12,6 +12,7 @@ from crowd.explorations.outcomes import watching
 from crowd.http.api import Endpoint, has_body, json_response, paginate, public_json, read_body
 from crowd.http.descriptions import PAGINATION
 from crowd.http.problems import not_found
+from wire.lease import Held, Lease, LeaseRequest, Result, Stored
 
 RETRY_SECONDS = 5
 
@@ -62,8 +63,8 @@ class LeasesView(DeviceEndpoint):
         operation_id="lease",
         summary="Take an evaluation to measure",
         description="204 if none waits for this device, or if all its machines are busy: ask again later.",
-        request={"application/json": lease_api.LeaseRequest},
-        responses={201: lease_api.Lease, 204: None},
+        request={"application/json": LeaseRequest},
+        responses={201: Lease, 204: None},
     )
     def post(self, request: Request) -> HttpResponse:
         body = read_body(request) if has_body(request._request) else b""
@@ -81,7 +82,7 @@ class HeartbeatView(DeviceEndpoint):
         summary="Renew a lease",
         description="410 if it is gone: stop measuring, another machine may have the evaluation.",
         request=None,
-        responses={200: lease_api.Held},
+        responses={200: Held},
     )
     def post(self, request: Request, key: int, attempt: int) -> HttpResponse:
         return json_response(lease_api.renew_lease(authenticated_device(request), key, attempt))
@@ -94,8 +95,8 @@ class ResultView(DeviceEndpoint):
         operation_id="result",
         summary="Send a result or a failure, or return the evaluation",
         description="410 if the lease is gone. The same result sent again gets the same response.",
-        request={"application/json": lease_api.Result},
-        responses={200: lease_api.Stored},
+        request={"application/json": Result},
+        responses={200: Stored},
     )
     def post(self, request: Request, key: int, attempt: int) -> HttpResponse:
         return json_response(

@@ -26,7 +26,7 @@ from crowd.fronts.models import Configuration, FrontVersion, IntakePolicy
 from crowd.fronts.publishing import second_person, services
 from crowd.fronts.publishing.preview import Preview, preview
 from crowd.fronts.publishing.steps import PUBLISH, STEPS, SUBMIT, Step
-from wire.front import Front, Point, Result
+from wire.front import Front, Point, SequenceResult
 
 
 class ConfigurationInline(ReadOnlyInline):
@@ -354,7 +354,7 @@ def _by_name(front: FrontVersion, of: Callable[[Point], dict[str, Any]]) -> Safe
     return as_html({point.name: members for point in front.content.every if (members := of(point))})
 
 
-def _by_sequence(errors: Iterable[Result]) -> dict[str, str]:
+def _by_sequence(errors: Iterable[SequenceResult]) -> dict[str, str]:
     """The largest error and the lost frames on each sequence."""
     return {
         error.sequence: f"{error.ate_max:.4f}" + (f", {error.lost} lost" if error.lost else "")

@@ -6,113 +6,23 @@ from datetime import datetime
 from typing import Any
 
 import msgspec
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET
+from msgspec.structs import replace
 
 from crowd.fronts.content import plans
 from crowd.fronts.intake_policy import Policy
 from slam.definitions import SYSTEMS
-from wire.front import DEFAULT, Front, Point
-
-
-class ContentReference(msgspec.Struct):
-    """Immutable content at `url`, relative to the server.
-
-    It is JSON: a plan (slam/plans/schema.json), shaders (an object with the WGSL text of each kernel by
-    name), or a trajectory (a list of [x, y, z] in metres, one per frame). Or it is a WebAssembly module.
-    """
-
-    sha256: str
-    url: str
-
-
-class WebAssembly(msgspec.Struct):
-    """The plan of a frame in the rows layout, and the WebAssembly module with its kernels."""
-
-    plan: ContentReference
-    module: ContentReference
-
-
-class Configuration(msgspec.Struct):
-    """A point: its name, parameters, and predictions by the reference device (seconds per frame, metres).
-
-    `backends`: those whose limits it keeps. `plan`: the plan of a frame for WebGPU; `shaders`: its kernels.
-    `wasm`: the same for WebAssembly, absent if its buffers take 256 MiB or more.
-    `band`: the allowed distance (m) of positions from the reference `trajectory`. `skipped`: the share of the
-    counted frames that the reference left out; absent for a configuration that computes every frame.
-    Only in the detail of a front: `learned_on` and `held_out`, [{sequence, ate_max (m), lost (frames)}], the
-    worst results on sequences that the search used, and on sequences that it never saw.
-    """
-
-    name: str
-    parameters: dict[str, Any]
-    predicted: dict[str, Any]
-    backends: list[str] | UnsetType = UNSET
-    plan: ContentReference | UnsetType = UNSET
-    shaders: ContentReference | UnsetType = UNSET
-    wasm: WebAssembly | UnsetType = UNSET
-    band: float | UnsetType = UNSET
-    trajectory: ContentReference | UnsetType = UNSET
-    skipped: float | UnsetType = UNSET
-    learned_on: list[dict[str, Any]] | UnsetType = UNSET
-    held_out: list[dict[str, Any]] | UnsetType = UNSET
-
-
-class Chunk(msgspec.Struct):
-    """A part of the sequence. `url` is relative to the server; its content never changes."""
-
-    sha256: str
-    bytes: int
-    url: str
-
-
-class Colour(msgspec.Struct):
-    """The pack with the colour frames of a sequence."""
-
-    name: str
-    sha256: str
-    chunks: list[Chunk]
-
-
-class Sequence(msgspec.Struct):
-    """The pack to download: depth frames, camera, ground truth. `colour` is null if no colour is needed."""
-
-    name: str
-    sha256: str
-    width: int
-    height: int
-    frames: int
-    volume_size: float | None
-    initial_position: list[float] | None
-    chunks: list[Chunk]
-    colour: Colour | None
-
-
-class Assignment(msgspec.Struct):
-    """A configuration that this device is asked to measure, and the reason."""
-
-    name: str
-    why: str
-
-
-class Manifest(msgspec.Struct):
-    """What a client is asked to measure now.
-
-    If `accepting` is false, measurements are not accepted now; `message` gives the reason, or is null.
-    If an installation asks for additional work: `assigned`, and `assigned_message` with the reason if it is
-    empty. `configurations` and `protocol` are then those of the additional session.
-    """
-
-    application: str
-    front_version: str
-    configurations: list[Configuration]
-    protocol: dict[str, Any]
-    sequence: Sequence
-    consent_version: int
-    minimum_app_version: str
-    accepting: bool
-    message: str | None
-    assigned: list[Assignment] | UnsetType = UNSET
-    assigned_message: str | UnsetType | None = UNSET
+from wire.front import DEFAULT, Front, Point, Protocol
+from wire.manifest import (
+    Assignment,
+    Chunk,
+    Colour,
+    Configuration,
+    ContentReference,
+    Manifest,
+    Sequence,
+    WebAssembly,
+)
 
 
 class FrontSummary(msgspec.Struct):
@@ -139,7 +49,7 @@ class FrontDetail(msgspec.Struct):
     published_at: datetime
     configurations: list[Configuration]
     probes: list[Configuration]
-    protocol: dict[str, Any]
+    protocol: Protocol
     sequence: dict[str, Any]
     provenance: dict[str, Any]
 
@@ -157,8 +67,8 @@ def manifest(front: Front, policy: Policy) -> Manifest:
     return Manifest(
         application=front.application,
         front_version=front.slug,
-        configurations=configurations(front),
-        protocol=msgspec.to_builtins(front.protocol),
+        configurations=tuple(_configuration(front, point) for point in front.points),
+        protocol=front.protocol,
         sequence=sequence(front.sequence),
         consent_version=policy.consent_version,
         minimum_app_version=policy.minimum_app_version,
@@ -175,15 +85,16 @@ def assigned_manifest(
     It names the default and the points `asked`, each with its reason, `repeats` times each. Without points it
     is the usual manifest.
     """
-    answer = manifest(front, policy)
-    answer.assigned = [Assignment(point.name, why) for point, why in asked]
-    answer.assigned_message = message
-    if asked:
-        default = [one for one in answer.configurations if one.name == DEFAULT]
-        answer.configurations = default + [_configuration(front, point) for point, _ in asked]
-        order = [one.name for one in answer.configurations]
-        answer.protocol = answer.protocol | {"order": order, "repeats": repeats}
-    return answer
+    usual = manifest(front, policy)
+    answer = replace(
+        usual, assigned=tuple(Assignment(point.name, why) for point, why in asked), assigned_message=message
+    )
+    if not asked:
+        return answer
+    default = tuple(one for one in usual.configurations if one.name == DEFAULT)
+    measured = default + tuple(_configuration(front, point) for point, _ in asked)
+    protocol = replace(front.protocol, order=tuple(one.name for one in measured), repeats=repeats)
+    return replace(answer, configurations=measured, protocol=protocol)
 
 
 def sequence(pack: Mapping[str, Any]) -> Sequence:
@@ -202,44 +113,48 @@ def sequence(pack: Mapping[str, Any]) -> Sequence:
     )
 
 
-def _chunks(pack: Mapping[str, Any]) -> list[Chunk]:
-    return [
+def _chunks(pack: Mapping[str, Any]) -> tuple[Chunk, ...]:
+    return tuple(
         Chunk(chunk["sha256"], chunk["bytes"], f"/sequences/{chunk['sha256']}") for chunk in pack["chunks"]
-    ]
-
-
-def configurations(front: Front) -> list[Configuration]:
-    """The points of `front` in published order."""
-    return [_configuration(front, point) for point in front.points]
+    )
 
 
 def _configuration(front: Front, point: Point) -> Configuration:
-    configuration = Configuration(point.name, point.parameters, msgspec.to_builtins(point.predicted))
-    if front.application in SYSTEMS and not plans.has_plans(front.application):
-        configuration.backends = list(SYSTEMS[front.application].backends)
-    elif (plan := plans.of_point(front, point)) is not None:
-        configuration.backends = list(plan.backends)
-        configuration.plan = _reference("plans", plan.plan.sha256)
-        configuration.shaders = _reference("shaders", plan.shaders.sha256)
-        if "wasm" in plan.backends:
-            configuration.wasm = WebAssembly(
-                _reference("plans", plan.rows.sha256), _reference("modules", plans.module().sha256)
-            )
+    reference: dict[str, Any] = {}
     if point.band is not None and point.trajectory_sha256 is not None:
-        configuration.band = point.band
-        configuration.trajectory = _reference("trajectories", point.trajectory_sha256)
-    if point.skipped is not None:
-        configuration.skipped = point.skipped
-    return configuration
+        trajectory = _reference("trajectories", point.trajectory_sha256)
+        reference = {"band": point.band, "trajectory": trajectory}
+    return Configuration(
+        name=point.name,
+        parameters=point.parameters,
+        predicted=point.predicted,
+        **_programs(front, point),
+        **reference,
+        skipped=UNSET if point.skipped is None else point.skipped,
+    )
+
+
+def _programs(front: Front, point: Point) -> dict[str, Any]:
+    """The members of a configuration that say what computes `point`."""
+    if front.application in SYSTEMS and not plans.has_plans(front.application):
+        return {"backends": SYSTEMS[front.application].backends}
+    if (plan := plans.of_point(front, point)) is None:
+        return {}
+    programs = {
+        "backends": plan.backends,
+        "plan": _reference("plans", plan.plan.sha256),
+        "shaders": _reference("shaders", plan.shaders.sha256),
+    }
+    if "wasm" not in plan.backends:
+        return programs
+    rows, module = _reference("plans", plan.rows.sha256), _reference("modules", plans.module().sha256)
+    return programs | {"wasm": WebAssembly(rows, module)}
 
 
 def _with_results(front: Front, point: Point) -> Configuration:
-    configuration = _configuration(front, point)
-    if point.learned_on:
-        configuration.learned_on = msgspec.to_builtins(list(point.learned_on))
-    if point.held_out:
-        configuration.held_out = msgspec.to_builtins(list(point.held_out))
-    return configuration
+    return replace(
+        _configuration(front, point), learned_on=point.learned_on or UNSET, held_out=point.held_out or UNSET
+    )
 
 
 def _reference(kind: str, sha256: str) -> ContentReference:
@@ -265,7 +180,7 @@ def detail(front: Front) -> FrontDetail:
         published_at=front.published_at,
         configurations=[_with_results(front, point) for point in front.points],
         probes=[_with_results(front, point) for point in front.probes],
-        protocol=msgspec.to_builtins(front.protocol),
+        protocol=front.protocol,
         sequence=front.sequence,
         provenance=front.provenance,
     )

@@ -17,6 +17,7 @@ from crowd.http.problems import Problem, not_found
 from crowd.predictions import probe_assignment, recommendations, responses, selectors
 from crowd.predictions.selectors import DeviceQuery, PredictionResult
 from slam.devices.device import BACKENDS
+from wire.manifest import Manifest
 from wire.protocol import PROBE_PAIRS, VALID_BELOW
 
 MAX_TEXT = 100
@@ -51,7 +52,7 @@ class AssignedManifestView(ManifestView):
             ),
             OpenApiParameter("minutes", POSITIVE, description="time for a session of probes"),
         ],
-        responses={200: front_answers.Manifest, 304: None},
+        responses={200: Manifest, 304: None},
     )
     def get(self, request: Request) -> HttpResponseBase:
         if "minutes" not in request.query_params:

@@ -4,7 +4,8 @@ from datetime import datetime
 from typing import Annotated
 
 from crowd.records import shared
-from crowd.records.record import Record, means
+from crowd.records.record import Record
+from wire.meaning import means
 
 
 class PublishedConfiguration(Record, frozen=True, kw_only=True):

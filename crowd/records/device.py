@@ -2,7 +2,8 @@
 
 from typing import Annotated
 
-from crowd.records.record import Record, means
+from crowd.records.record import Record
+from wire.meaning import means
 
 HANDHELD = frozenset({"Android", "iOS", "iPadOS"})
 

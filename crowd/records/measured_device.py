@@ -4,8 +4,9 @@ from datetime import datetime
 from typing import Annotated
 
 from crowd.records.device import Device
-from crowd.records.record import Record, means, shows
+from crowd.records.record import Record
 from crowd.records.speedup import Speedup
+from wire.meaning import means, shows
 
 NAMES = ("manufacturer", "name", "cpu", "soc", "gpu", "os")
 

@@ -1,14 +1,6 @@
-"""What a record says of its fields, once: the API, its pages and the open data read it off.
+"""What the fields of a record mean (wire/meaning.py), at the doors where they are shown."""
 
-A record is a struct whose fields have a meaning and a unit:
-
-    ate_max: Annotated[float | None, means("largest distance of the camera from its true place", "m")]
-
-A field is shown at two doors: as a member of the API's JSON, and as a column of the open data. It has its own
-name there, unless it says otherwise. A field without a meaning is shown nowhere.
-"""
-
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import cache
@@ -59,65 +51,63 @@ class Member:
         return Annotated[self.type, msgspec.Meta(description=text)]
 
 
-def means(
-    meaning: str, unit: str = "", *, json: str | None = "", column: str | None = "", arrow: str = ""
-) -> msgspec.Meta:
-    """The `meaning` and `unit` of a field. JSON, `column`: its name at that door, None where it is not shown.
-
-    `arrow`: the type of its column, where it does not follow from that of the field.
-    """
-    names = {"json": json, "column": column}
-    return msgspec.Meta(extra={"meaning": meaning, "unit": unit, "arrow": arrow, "names": names})
-
-
-def shows(*, json: Mapping[str, str], column: Mapping[str, str]) -> msgspec.Meta:
-    """Of a field that is a record: those of its fields that are shown at each door, as {name: field}."""
-    return msgspec.Meta(extra={"parts": {"json": json, "column": column}})
-
-
 @cache
-def members(record: type[Record], door: Door) -> tuple[Member, ...]:
+def members(record: type[msgspec.Struct], door: Door) -> tuple[Member, ...]:
     """What `record` shows at `door`: its fields in their order, then its properties."""
     return tuple(_members(record, door))
 
 
 @cache
-def answer(record: type[Record], without: tuple[str, ...] = ()) -> type[msgspec.Struct]:
-    """A base for the struct of `record` as JSON, except for the members `without`."""
-    shown = [member for member in members(record, "json") if member.name not in without]
-    fields = [(member.name, member.annotation) for member in shown]
+def answer(
+    record: type[msgspec.Struct], without: tuple[str, ...] = (), base: type[msgspec.Struct] = msgspec.Struct
+) -> type[msgspec.Struct]:
+    """A base for the struct of `record` as JSON, except for the members `without`.
+
+    It adds what it lacks to `base`, an answer with other members of `record`.
+    """
+    left_out = {*without, *base.__struct_fields__}
+    shown = [member for member in members(record, "json") if member.name not in left_out]
+    read = attrgetter(*(member.attribute for member in shown))
+
+    def values(row: Any) -> dict[str, Any]:
+        inherited: dict[str, Any] = base._read(row) if hasattr(base, "_read") else {}
+        return inherited | dict(zip((member.name for member in shown), read(row), strict=True))
+
     return msgspec.defstruct(
         f"{record.__name__}Answer",
-        fields,
-        namespace={"_read": staticmethod(attrgetter(*(member.attribute for member in shown)))},
+        [(member.name, member.annotation) for member in shown],
+        bases=(base,),
+        namespace={"_read": staticmethod(values)},
     )
 
 
-def fill(struct: type[Answer], row: Record, **own: Any) -> Answer:
-    """`row` as `struct`, whose base is its `answer`; `own`: the members that `struct` adds."""
-    values = struct._read(row)  # type: ignore[attr-defined]
-    return struct(**dict(zip(struct.__struct_fields__, values, strict=False)), **own)
+def fill(struct: type[Answer], row: Any, **own: Any) -> Answer:
+    """`row` as `struct`, whose base is its `answer`; `own`: the members that `struct` adds or changes."""
+    return struct(**struct._read(row) | own)  # type: ignore[attr-defined]
 
 
 @cache
-def columns_of(model: Any, record: type[Record]) -> tuple[str, ...]:
+def columns_of(model: Any, record: type[msgspec.Struct]) -> tuple[str, ...]:
     """The plain columns of the Django `model` that have the name of a field of `record`, and its value."""
     names = {field.name for field in model._meta.concrete_fields if not field.is_relation}
     return tuple(name for name in record.__struct_fields__ if name in names)
 
 
-def _members(record: type[Record], door: Door) -> Iterator[Member]:
+def _members(record: type[msgspec.Struct], door: Door) -> Iterator[Member]:
     for attribute, annotation in _annotations(record).items():
         if get_origin(annotation) is not Annotated:
             continue
-        kind, meta = get_args(annotation)
-        if "parts" in meta.extra:
+        kind, *metas = get_args(annotation)
+        extra = next((meta.extra for meta in metas if meta.extra), None)
+        if extra is None:
+            continue
+        if "parts" in extra:
             inner = {member.attribute: member for member in _members(kind, "json")}
-            for name, part in meta.extra["parts"][door].items():
+            for name, part in extra["parts"][door].items():
                 yield replace(inner[part], name=name, attribute=f"{attribute}.{part}")
-        elif (name := meta.extra["names"][door]) is not None:
-            arrow = meta.extra["arrow"] or _arrow(kind)
-            yield Member(name or attribute, attribute, kind, meta.extra["meaning"], meta.extra["unit"], arrow)
+        elif (name := extra["names"][door]) is not None:
+            arrow = extra["arrow"] or _arrow(kind)
+            yield Member(name or attribute, attribute, kind, extra["meaning"], extra["unit"], arrow)
 
 
 def _arrow(kind: Any) -> str:
@@ -126,7 +116,7 @@ def _arrow(kind: Any) -> str:
     return ARROW[kinds.pop()] if kinds else ""
 
 
-def _annotations(record: type[Record]) -> dict[str, Any]:
+def _annotations(record: type[msgspec.Struct]) -> dict[str, Any]:
     """The annotations of `record`'s fields, and of what its properties return."""
     getters = {name: value.fget for name, value in vars(record).items() if isinstance(value, property)}
     returned = {name: get_type_hints(read, include_extras=True)["return"] for name, read in getters.items()}

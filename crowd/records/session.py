@@ -6,7 +6,8 @@ from uuid import UUID
 
 from crowd.records import shared
 from crowd.records.device import Device
-from crowd.records.record import Record, means, shows
+from crowd.records.record import Record
+from wire.meaning import means, shows
 
 
 class SessionSpeedup(Record, frozen=True, kw_only=True):

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from crowd.records.record import means
+from wire.meaning import means
 
 Application = Annotated[str, means("such as kfusion")]
 Front = Annotated[str, means("version of the front: with configuration, a row of configurations")]

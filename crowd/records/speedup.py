@@ -6,8 +6,9 @@ from typing import Annotated
 
 from crowd.records import shared
 from crowd.records.device import Device
-from crowd.records.record import Record, means, shows
+from crowd.records.record import Record
 from crowd.records.uncertainty import Estimate, figure_estimate
+from wire.meaning import means, shows
 
 
 class Speedup(Record, frozen=True, kw_only=True):

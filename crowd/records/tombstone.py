@@ -4,7 +4,8 @@ from datetime import datetime
 from typing import Annotated
 from uuid import UUID
 
-from crowd.records.record import Record, means
+from crowd.records.record import Record
+from wire.meaning import means
 
 
 class Erased(Record, frozen=True, kw_only=True):

@@ -44,10 +44,12 @@ def manifest(chunks: tuple[bytes, ...] = (b"header", b"frames"), **changes: Any)
             "volume_size": 4.8,
             "initial_position": [0.5, 0.5, 0.5],
             "chunks": described,
+            "colour": None,
         },
         "consent_version": 2,
         "minimum_app_version": "0.1.0",
         "accepting": True,
+        "message": None,
     }
     return {**document, **changes}
 

@@ -58,7 +58,7 @@ TRAJECTORIES = {manifests.digest(data): data for data in (NEAR, FAR)}
 
 def manifest(room: pack.Pack, far: tuple[str, ...] = (), **changes: Any) -> dict[str, Any]:
     """A manifest that asks for default and best over the room; the references of `far` are 10 cm aside."""
-    sequence = room.manifest
+    sequence = room.manifest | {"colour": None}
     for chunk in sequence["chunks"]:
         chunk["url"] = f"/sequences/{chunk['sha256']}"
     configurations = [
@@ -76,8 +76,8 @@ def manifest(room: pack.Pack, far: tuple[str, ...] = (), **changes: Any) -> dict
 def references(asked: Manifest) -> dict[str, Positions]:
     """The reference trajectories of a manifest over the room."""
     return {
-        name: json.loads(TRAJECTORIES[configuration.reference.sha256])
-        for name, configuration in asked.configurations.items()
+        configuration.name: json.loads(TRAJECTORIES[configuration.trajectory.sha256])
+        for configuration in asked.configurations
     }
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from client_kit import choice
 from client_kit.delivery import sending
-from client_kit.delivery.manifest import Assigned, Manifest
+from client_kit.delivery.manifest import Manifest
 from client_kit.device import preflight
 from client_kit.device.description import FIELDS
 from client_kit.measuring import session as record
@@ -22,6 +22,7 @@ from crowd.devices.naming.raw_device import RawDevice
 from slam.datasets.formats.pack import Pack
 from tests.client_kit import canned
 from tests.client_kit.published import VERSION, publish
+from wire.manifest import Assignment
 
 PAGE = (Path(__file__).parents[2] / "docs/data/protocol.md").read_text(encoding="utf-8")
 EXAMPLES: dict[str, Any] = {
@@ -169,7 +170,7 @@ def test_this_client_reads_what_the_page_says_of_probes() -> None:
     probe = {**asked["configurations"][1], "name": assigned["name"]}
     document = {**asked, **EXAMPLES["assigned"], "configurations": [*asked["configurations"], probe]}
 
-    assert Manifest.parse(document).assigned == (Assigned(assigned["name"], assigned["why"]),)
+    assert Manifest.parse(document).assigned == (Assignment(assigned["name"], assigned["why"]),)
     [best] = choice.predictions(EXAMPLES["recommendation"])
     assert (best.name, best.ratio, best.low, best.high) == ("best", 9.1, 8.2, 10.1)
 

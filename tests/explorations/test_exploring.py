@@ -13,7 +13,6 @@ from crowd.explorations import services
 from crowd.explorations.measuring import leases, reaping
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching import search
-from crowd.explorations.searching.rows import Row
 from groundwork import __version__
 from pareto.errors import ObjectiveError
 from tests.builders.explorations import finish, measurement, record, run_to_the_end
@@ -112,7 +111,9 @@ def test_failures_retried_while_it_is_asked_keep_the_exploration_from_ending(
     assert not exploration.evaluations.exclude(state="done").exists()
 
 
-def _about_to_be_done(exploration: Exploration, failing: bool = False) -> tuple[Exploration, list[Row]]:
+def _about_to_be_done(
+    exploration: Exploration, failing: bool = False
+) -> tuple[Exploration, list[Evaluation]]:
     """All is measured, and what somebody has read who is about to find that there is nothing more to do."""
     Exploration.objects.filter(pk=exploration.pk).update(repeats=0)
     exploration.refresh_from_db()

@@ -8,11 +8,12 @@ import pytest
 
 from client_kit.console import Console, NullStream
 from client_kit.delivery.server import ProblemError, Server
-from client_kit.evaluation import Lease
+from client_kit.evaluation import read_lease
 from client_kit.home import Home
 from frontrunner.__main__ import main
 from frontrunner.worker import ProgramWorker
 from tests.builders import manifests
+from wire.lease import Result
 
 # Of a user's own program.
 LEASE = manifests.lease(
@@ -33,12 +34,12 @@ def no_pause(_: float) -> None:
     """Nothing here waits for a server."""
 
 
-def measured(tmp_path: Path, script: str, **more: Any) -> dict[str, Any] | None:
+def measured(tmp_path: Path, script: str, **more: Any) -> Result | None:
     (tmp_path / "program.py").write_text(script)
     command = f"{sys.executable} {tmp_path / 'program.py'} {{x}} '{{mode}}' {{config}}"
     server, console = Server("http://127.0.0.1:1"), Console(NullStream())
     worker = ProgramWorker(server, "program-0", "token", Home(tmp_path), console, no_pause, command=command)
-    return worker.measure(Lease.parse(LEASE | more))
+    return worker.measure(read_lease(LEASE | more))
 
 
 def test_the_values_of_the_lease_fill_its_own_command(tmp_path: Path) -> None:
@@ -47,8 +48,8 @@ def test_the_values_of_the_lease_fill_its_own_command(tmp_path: Path) -> None:
     )
     result = measured(tmp_path, script)
     assert result is not None
-    assert (result["status"], result["values"]) == ("done", {"cost": len('{"x": 0.5, "mode": null}') + 0.5})
-    assert result["configuration"] == LEASE["configuration"]
+    assert (result.status, result.values) == ("done", {"cost": len('{"x": 0.5, "mode": null}') + 0.5})
+    assert result.configuration == LEASE["configuration"]
 
 
 @pytest.mark.parametrize(
@@ -62,8 +63,8 @@ def test_the_values_of_the_lease_fill_its_own_command(tmp_path: Path) -> None:
 def test_what_fails_is_reported_with_its_reason(tmp_path: Path, script: str, error: str) -> None:
     result = measured(tmp_path, script)
     assert result is not None
-    assert result["status"] == "failed"
-    assert result["error"].startswith(error)
+    assert result.status == "failed"
+    assert result.error.startswith(error)
 
 
 def test_a_program_that_breaks_a_condition_is_ended_and_its_bounds_are_named(tmp_path: Path) -> None:
@@ -78,8 +79,8 @@ def test_a_program_that_breaks_a_condition_is_ended_and_its_bounds_are_named(tmp
     more = {"objectives": ["cost", "rate"], "maximised": ["rate"], "stop_above": [{"rate": 2.5}]}
     result = measured(tmp_path, script, **more)
     assert result is not None
-    assert (result["status"], result["values"]) == ("done", {"cost": 2.5, "rate": 2.0})
-    assert (result["censored"], result["stopped_at"]) == (["rate"], 3)
+    assert (result.status, result.values) == ("done", {"cost": 2.5, "rate": 2.0})
+    assert (result.censored, result.stopped_at) == (["rate"], 3)
 
 
 def test_the_program_ends_when_the_lease_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ from crowd.predictions.recommendations import LimitsNotMetError, recommend
 from tests.builders.known_front import NAME
 from tests.builders.measured import BEST_IS_BEST
 from tests.builders.rows import front_of
-from wire.front import Point, Result
+from wire.front import Point, SequenceResult
 
 # Integration alone is dear on this device, and probes that integrate less often were measured: points like
 # them are predicted to win.
@@ -69,7 +69,7 @@ def test_a_point_that_does_not_generalise_is_never_recommended() -> None:
     special = replace(point("front-01", 20.0), generalises=False)
 
     assert recommend(expectation(point("best", 10.0), special)).configuration == "best"
-    own, default = (Result("attic", error, 0) for error in (0.08, 0.04))
+    own, default = (SequenceResult("attic", error, 0) for error in (0.08, 0.04))
     assert generalises(Results((), (default,)), Results((), (default,)))
     assert not generalises(Results((), (own,)), Results((), (default,)))
     assert not generalises(Results((), ()), Results((), (default,)))

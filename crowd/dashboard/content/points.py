@@ -14,7 +14,7 @@ from crowd.results.reading.rows import DeviceDetail, Gain, Headline, ModelOutcom
 from crowd.results.reading.selectors import Speedups
 from crowd.results.reading.transferring.rows import Winners
 from crowd.results.reading.versioned_cache import VersionedCache
-from wire.front import BEST, DEFAULT, Front, Point, Result, predicted_speedup
+from wire.front import BEST, DEFAULT, Front, Point, SequenceResult, predicted_speedup
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class SequenceRow:
     """A point with its results, or None, in the order of the columns."""
 
     point: Point
-    results: tuple[Result | None, ...]
+    results: tuple[SequenceResult | None, ...]
 
 
 def results_by_sequence(front: Front) -> tuple[tuple[SequenceColumn, ...], tuple[SequenceRow, ...]]:
@@ -144,7 +144,7 @@ def results_by_sequence(front: Front) -> tuple[tuple[SequenceColumn, ...], tuple
     return ordered, tuple(rows)
 
 
-def _results(point: Point) -> dict[SequenceColumn, Result]:
+def _results(point: Point) -> dict[SequenceColumn, SequenceResult]:
     return {
         SequenceColumn(result.sequence, held_out): result
         for held_out, results in ((False, point.learned_on), (True, point.held_out))

@@ -26,6 +26,7 @@ from crowd.explorations.measuring.measurement import (
 )
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from slam.public_text import one_line
+from wire.evaluation import as_measured
 
 UNFINISHED = (Evaluation.State.PENDING, Evaluation.State.RUNNING)
 RETRY_SECONDS = 0.5
@@ -176,9 +177,8 @@ def record(evaluation: Evaluation, measurement: Measurement, measured_by: str = 
     stored = _finish(
         evaluation,
         state=Evaluation.State.DONE,
-        stages=measurement.stages,
-        device=measurement.device,
         software=measured_by or software.software_version(),
+        **as_measured(measurement),
         **result_columns(evaluation, measurement),
     )
     exploration = evaluation.exploration

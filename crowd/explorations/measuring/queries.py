@@ -13,6 +13,7 @@ from typing import Any
 from django.db import connection, models
 
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
+from wire.evaluation import Outcome
 
 PENDING, RUNNING = Evaluation.State.PENDING.value, Evaluation.State.RUNNING.value
 # The fields that a measurement reads. Others, such as the space, are read when they are needed.
@@ -57,9 +58,12 @@ LEASE = f"""
         AND exploration_id IN (SELECT id FROM {EXPLORATIONS} WHERE state = '{Exploration.State.RUNNING}')
         AND ({COUNT_LIVE_LEASES}) < %s
 """
+FINISHED_FIELDS: list[Any] = [
+    Evaluation._meta.get_field(name) for name in ("state", "reference", *Outcome.__struct_fields__)
+]
 FINISH = f"""
-    UPDATE {EVALUATIONS} SET state = %s, objectives = %s, stages = %s, device = %s, parts = %s,
-        reference = %s, censored = %s, software = %s, error = %s, lease_until = NULL, finished_at = %s
+    UPDATE {EVALUATIONS} SET {", ".join(f"{field.column} = %s" for field in FINISHED_FIELDS)},
+        lease_until = NULL, finished_at = %s
     WHERE id = %s AND attempt = %s AND state IN ('{PENDING}', '{RUNNING}')
 """
 UNFINISHED = f"""
@@ -102,18 +106,13 @@ def lease(evaluation: Evaluation, worker: str, now: datetime, until: datetime) -
 
 
 def finish(evaluation: Evaluation, now: datetime, **values: Any) -> bool:
-    """Store `state` and the other `values` of `evaluation`, unless another worker took it since."""
-    given = (values.get(name) for name in ("objectives", "stages", "device", "parts", "reference"))
-    texts = [None if value is None else json.dumps(value) for value in given]
-    row = [
-        values["state"],
-        *texts,
-        json.dumps(values.get("censored", [])),
-        values["software"],
-        values.get("error", ""),
-        _adapt_datetime(now),
-    ]
-    return _execute(FINISH, [*row, evaluation.pk, evaluation.attempt])
+    """Store `values` of FINISHED_FIELDS of `evaluation`, unless another worker took it since.
+
+    Those that are not given get their defaults.
+    """
+    row = [values[field.name] if field.name in values else field.get_default() for field in FINISHED_FIELDS]
+    texts = [json.dumps(value) if isinstance(value, dict | list) else value for value in row]
+    return _execute(FINISH, [*texts, _adapt_datetime(now), evaluation.pk, evaluation.attempt])
 
 
 def unfinished(exploration: int, most: int) -> int:

@@ -1,141 +1,33 @@
-"""The file format of a whole exploration, fixtures/explorations/<name>.json.gz, and its checks.
+"""The file of a whole exploration (wire/exploration.py): written, read and checked.
 
-The structs `Settings` and `Row` list what travels, by the names of the models' fields: a further column is
-one more line. Only finished evaluations travel. Workers' hosts and folders in texts do not.
+Workers' hosts and folders in texts do not travel.
 """
 
 import gzip
-import hashlib
 import socket
 import zlib
 from collections.abc import Iterable, Iterator
 from datetime import datetime
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 from django.core.exceptions import ValidationError
 
 from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.outcomes import public_rows
 from crowd.explorations.searching.batches import configuration_digest
 from crowd.explorations.searching.search import CHOSEN_ONCE, FINISHED, search_space, space_index
-from crowd.records.evaluation import Part as AnyPart
 from slam.public_text import without_folders
+from wire import exploration as wire
+from wire.evaluation import EvaluationRow
+from wire.exploration import FORMAT, VERSION, Document, Settings
 
-FORMAT, VERSION = "frontrunner-exploration", 1
 LARGEST_FILE_BYTES = 64 << 20  # unpacked
-MAX_ROWS = 1_000_000
 T = TypeVar("T")
-
-Name = Annotated[str, msgspec.Meta(min_length=1, max_length=200)]
-Text = Annotated[str, msgspec.Meta(max_length=10_000)]
-Digest = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
-Moment = Annotated[datetime, msgspec.Meta(tz=True)]
-Count = Annotated[int, msgspec.Meta(ge=0, le=2**31 - 1)]
-SmallCount = Annotated[int, msgspec.Meta(ge=0, le=2**15 - 1)]
-Position = Annotated[list[float], msgspec.Meta(min_length=3, max_length=3)]
-Quantities = dict[str, float]  # SI units
-Scalar = bool | int | float | str
 
 
 class InvalidExplorationError(ValueError):
     """The file is not a valid exploration; the message names the member and the remedy."""
-
-
-class Pack(msgspec.Struct, forbid_unknown_fields=True):
-    """A sequence by its name and digest."""
-
-    name: Name
-    sha256: Digest
-
-
-class Part(AnyPart, forbid_unknown_fields=True):
-    """The result on one sequence: objectives, lost frames, and after how many it ended early."""
-
-    sequence: Name
-    lost: Count
-    objectives: Quantities
-    stopped_at: Count | None = None
-
-
-class Reference(msgspec.Struct, forbid_unknown_fields=True):
-    """What the devices of one machine say of a front's point: metres, and the digest of the program."""
-
-    trajectory: list[Position]
-    band: float
-    largest_deviation: float
-    variants: list[Name]
-    program: Digest | None = None
-
-
-class Settings(msgspec.Struct, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The fields of an Exploration that travel; `prepares` is the name of the front that it prepared."""
-
-    application: Name
-    space: dict[str, Any]
-    sequence: Name
-    sequence_sha256: Digest
-    further_sequences: list[Pack] = []
-    held_out_sequences: list[Pack] = []
-    error_quantile: float = 1.0
-    objectives: list[Name]
-    limits: Quantities = {}
-    method: Name
-    options: dict[str, Scalar] = {}
-    seed: Count = 0
-    frames: Count | None = None
-    synchronous: bool = True
-    recheck: bool = True
-    budget: Count
-    batch: SmallCount
-    points: SmallCount
-    repeats: SmallCount
-    command: Text = ""
-    prepares: str = ""
-    prepares_digest: str = ""
-    created_at: Moment
-
-
-class Row(msgspec.Struct, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The fields of an Evaluation that travel. `parts` have their objectives in a member of their own."""
-
-    number: Count
-    phase: Name
-    label: str = ""
-    state: Literal["done", "failed"] = "done"
-    configuration: dict[str, Scalar]
-    iteration: Count = 0
-    frames: Count | None = None
-    attempt: Count = 1
-    losses: SmallCount = 0
-    perturbation: SmallCount = 0
-    objectives: Quantities | None = None
-    parts: list[Part] | None = None
-    censored: list[Name] = []
-    ratio_filled_at: Moment | None = None
-    stages: Quantities | None = None
-    device: dict[str, str | float | bool | None] | None = None
-    reference: Reference | None = None
-    software: Annotated[str, msgspec.Meta(max_length=64)] = ""
-    error: Text = ""
-    started_at: Moment | None = None
-    finished_at: Moment
-
-
-class Document(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
-    """A whole exploration, measured by `reference_device` on `machine`.
-
-    `sha256` is the digest of `exploration` and `evaluations`: neither the state nor the machine changes it.
-    """
-
-    format: str = FORMAT
-    version: int = VERSION
-    sha256: Digest
-    machine: Name
-    reference_device: Annotated[str, msgspec.Meta(pattern="^[a-z0-9][a-z0-9_-]*$", max_length=64)]
-    state: Literal["done", "cancelled"]
-    finished_at: Moment | None = None
-    exploration: Settings
-    evaluations: Annotated[list[Row], msgspec.Meta(min_length=1, max_length=MAX_ROWS)]
 
 
 class _Header(msgspec.Struct):
@@ -145,7 +37,7 @@ class _Header(msgspec.Struct):
 
 def digest(exploration: Exploration, evaluations: Iterable[Evaluation]) -> str:
     """The digest of `exploration` with its finished `evaluations`, as its file names it."""
-    return _digest(_settings(exploration), _rows(evaluations))
+    return wire.digest(_settings(exploration), _rows(evaluations))
 
 
 def document(exploration: Exploration, machine: str = "") -> Document:
@@ -161,7 +53,7 @@ def document(exploration: Exploration, machine: str = "") -> Document:
         raise InvalidExplorationError(f"{exploration} has no finished evaluation yet: export it later")
     done = exploration.state == Exploration.State.DONE
     return Document(
-        sha256=_digest(settings, rows),
+        sha256=wire.digest(settings, rows),
         machine=device.elsewhere or machine or socket.gethostname(),
         reference_device=device.name,
         state="done" if done else "cancelled",
@@ -193,7 +85,7 @@ def parse(content: bytes) -> Document:
             "version of the program, or update the program"
         )
     whole = _decode(unpacked, Document)
-    if (actual := _digest(whole.exploration, whole.evaluations)) != whole.sha256:
+    if (actual := wire.digest(whole.exploration, whole.evaluations)) != whole.sha256:
         raise InvalidExplorationError(
             f"sha256: the content has the digest {actual[:12]}..., not {whole.sha256[:12]}...: it was "
             "changed or damaged, export it again"
@@ -239,41 +131,24 @@ def unsaved_evaluations(whole: Document, exploration: Exploration) -> Iterator[E
 
 def _settings(exploration: Exploration) -> Settings:
     front = exploration.prepares
+    fields = {name: getattr(exploration, name) for name in Settings.__struct_fields__}
     changes = {
         "prepares": "" if front is None else front.slug,
         "command": without_folders(exploration.command),
     }
-    return _converted(exploration, Settings, changes)
+    return msgspec.convert(fields | changes, Settings)
 
 
-def _rows(evaluations: Iterable[Evaluation]) -> list[Row]:
+def _rows(evaluations: Iterable[Evaluation]) -> list[EvaluationRow]:
     """The finished ones of `evaluations` in the order of their numbers."""
     finished = sorted((row for row in evaluations if row.state in FINISHED), key=lambda row: row.number)
-    return [_row(evaluation) for evaluation in finished]
-
-
-def _row(evaluation: Evaluation) -> Row:
-    parts = evaluation.parts and list(map(Part.of, evaluation.parts))
-    return _converted(evaluation, Row, {"parts": parts, "error": without_folders(evaluation.error)})
-
-
-def _converted(row: Any, kind: type[T], changes: dict[str, Any]) -> T:
-    """The fields of `row` as `kind`, with `changes` instead of some."""
-    names: tuple[str, ...] = kind.__struct_fields__  # type: ignore[attr-defined]
-    return msgspec.convert(
-        {name: changes[name] if name in changes else getattr(row, name) for name in names}, kind
-    )
+    return [msgspec.convert(public_rows.fields(row), EvaluationRow) for row in finished]
 
 
 def _fields(struct: msgspec.Struct, *without: str) -> dict[str, Any]:
     """The fields of a model from `struct`, except those named."""
     names = [name for name in struct.__struct_fields__ if name not in without]
     return {name: msgspec.to_builtins(getattr(struct, name), builtin_types=[datetime]) for name in names}
-
-
-def _digest(settings: Settings, rows: list[Row]) -> str:
-    content = {"exploration": settings, "evaluations": rows}
-    return hashlib.sha256(msgspec.json.encode(content, order="sorted")).hexdigest()
 
 
 def _unpack(content: bytes) -> bytes:
@@ -319,6 +194,8 @@ def _mistakes(whole: Document) -> Iterator[str]:
         if row.number <= last:
             yield f"{at}.number: {row.number} does not follow {last}: numbers increase"
         last = row.number
+        if row.state not in FINISHED or row.finished_at is None:
+            yield f"{at}: is not finished"
         if row.state == "done" and row.objectives is None:
             yield f"{at}.objectives: is missing, although the state is done"
         if row.state == "failed" and not row.error:

@@ -13,9 +13,9 @@ from typing import Any
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import MEASURED
 from crowd.explorations.outcomes.public_rows import public_row
-from crowd.records.evaluation import EvaluationRow
 from crowd.records.record import members
 from slam.isolated import STAGES
+from wire.evaluation import EvaluationRow
 
 COLUMNS = members(EvaluationRow, "column")
 OBJECTIVES = (*MEASURED, "energy_joules")  # the last one only if a machine reports it

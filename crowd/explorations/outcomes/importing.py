@@ -7,9 +7,10 @@ from django.db import transaction
 from crowd.audit.services import COMMAND_LINE, record
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.outcomes import exploration_file
-from crowd.explorations.outcomes.exploration_file import Document, InvalidExplorationError
+from crowd.explorations.outcomes.exploration_file import InvalidExplorationError
 from crowd.explorations.searching.search import COPIED
 from crowd.fronts.models import FrontVersion
+from wire.exploration import Document
 
 
 class KnownExplorationError(ValueError):

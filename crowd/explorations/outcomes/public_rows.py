@@ -1,20 +1,21 @@
 """Evaluations as everybody reads them."""
 
+from typing import Any
+
 from crowd.explorations.models import Evaluation
-from crowd.records.evaluation import EvaluationRow, Part
-from crowd.records.record import columns_of
 from slam.public_text import without_folders
+from wire.evaluation import EvaluationRow, Part
+
+
+def fields(evaluation: Evaluation) -> dict[str, Any]:
+    """Those of `evaluation`, without folders in its error, and without its phase until it is finished."""
+    return {name: getattr(evaluation, name) for name in EvaluationRow.__struct_fields__} | {
+        "phase": evaluation.public_phase,
+        "error": without_folders(evaluation.error),
+        "parts": None if evaluation.parts is None else list(map(Part.of, evaluation.parts)),
+    }
 
 
 def public_row(evaluation: Evaluation) -> EvaluationRow:
-    """`evaluation` without folders in its error, and without its phase until it is finished."""
-    fields = {name: getattr(evaluation, name) for name in columns_of(Evaluation, EvaluationRow)}
-    return EvaluationRow(
-        **fields
-        | {
-            "phase": evaluation.public_phase,
-            "error": without_folders(evaluation.error),
-            "parts": None if evaluation.parts is None else list(map(Part.of, evaluation.parts)),
-            "device_name": (evaluation.device or {}).get("name"),
-        }
-    )
+    """`evaluation` as the API and the exports have it."""
+    return EvaluationRow(**fields(evaluation))

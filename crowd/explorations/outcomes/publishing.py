@@ -15,7 +15,7 @@ from crowd.explorations.objectives import RATIO
 from crowd.explorations.outcomes import creation_command, exploration_file, robustness
 from crowd.explorations.outcomes.one_application import evaluations_of
 from crowd.explorations.outcomes.robustness import Robustness
-from crowd.explorations.searching import batches, points, search
+from crowd.explorations.searching import points, search
 from crowd.explorations.searching.applications import applications
 from crowd.explorations.searching.points import Point
 from crowd.fronts import selectors as published
@@ -59,20 +59,35 @@ REFUSALS = (NotReadyError, NothingToPublishError, *fronts.REFUSALS)
 
 @dataclass(frozen=True)
 class Candidate:
-    """A point that can be published, with its digest and its proposed name (empty: none).
+    """A point that can be published, with its proposed name (empty: none).
 
     `edge`: the sequences on which a slight change of depth decides its error.
     """
 
-    key: str
     point: Point
     name: str
     edge: str = ""
 
     @property
+    def key(self) -> str:
+        """The digest of its configuration."""
+        return self.point.key
+
+    @property
     def ready(self) -> bool:
         """Whether it was repeated often enough over the whole sequence to be published."""
         return self.point.repeats >= LEAST_REPEATS
+
+
+class _Measured:
+    """What one application of an exploration measured, by default the first."""
+
+    def __init__(self, exploration: Exploration, application: str | None) -> None:
+        self.exploration = exploration
+        self.application = application or applications(exploration)[0]
+        self.evaluations = evaluations_of(exploration, self.application, exploration.evaluations.all())
+        self.points = points.measured_points(self.evaluations)
+        self.robust = robustness.repeat_robustness(exploration, self.evaluations)
 
 
 def candidates(exploration: Exploration, application: str | None = None) -> tuple[tuple[Candidate, ...], str]:
@@ -81,24 +96,16 @@ def candidates(exploration: Exploration, application: str | None = None) -> tupl
     They are the known configurations, the front of the search, that of measurements over the whole sequence,
     and all repeated points, of `application`: by default the first of `exploration`.
     """
-    application = application or applications(exploration)[0]
-    evaluations = evaluations_of(exploration, application, exploration.evaluations.all())
-    measured = points.measured_points(evaluations)
-    found_robust = robustness.repeat_robustness(exploration, evaluations)
+    measured = _Measured(exploration, application)
     try:
-        named, reason = name_points(measured, found_robust, application), ""
+        named, reason = name_points(measured.points, measured.robust, measured.application), ""
     except NothingToPublishError as error:
         named, reason = {}, str(error)
-    names = {batches.configuration_digest(point.configuration): name for name, point in named.items()}
-    fronts_of = (measured, points.searched_points(exploration, evaluations))
-    front = {
-        batches.configuration_digest(point.configuration)
-        for kind in fronts_of
-        for point in points.best_points(exploration, kind)
-    }
+    names = {point.key: name for name, point in named.items()}
+    fronts_of = (measured.points, points.searched_points(exploration, measured.evaluations))
+    front = {point.key for kind in fronts_of for point in points.best_points(exploration, kind)}
     rows = [
-        Candidate(key, point, names.get(key, ""), found_robust[key].edge if key in found_robust else "")
-        for key, point in _by_key(measured).items()
+        Candidate(point, names.get(point.key, ""), _edge(point, measured.robust)) for point in measured.points
     ]
     shown = [row for row in rows if row.name or row.point.label or row.point.repeats or row.key in front]
     order = {name: position for position, name in enumerate(named)}
@@ -135,9 +142,8 @@ def create_draft(
     Raises NotReadyError if a point was not repeated often enough or `best` is not valid, and what
     crowd.fronts.publishing.services.create_draft raises.
     """
-    application = application or applications(exploration)[0]
-    evaluations = evaluations_of(exploration, application, exploration.evaluations.all())
-    by_key = _by_key(points.measured_points(evaluations))
+    measured = _Measured(exploration, application)
+    by_key = {point.key: point for point in measured.points}
     if missing := [name for key, name in names.items() if key not in by_key]:
         raise NotReadyError(f"{', '.join(missing)}: no such configuration was measured")
     chosen = [(name, by_key[key]) for key, name in names.items()]
@@ -146,15 +152,13 @@ def create_draft(
             f"{', '.join(once)}: repeated fewer than {LEAST_REPEATS} times, so the figure is not reliable: "
             "measure the named points again first"
         )
-    robust = robustness.repeat_robustness(exploration, evaluations)
     default = next((point for name, point in chosen if name == DEFAULT), None)
     for name, point in chosen:
-        if name in (BEST, ADAPTIVE) and (reasons := _objections(point, default, robust)):
+        if name in (BEST, ADAPTIVE) and (reasons := _objections(point, default, measured.robust)):
             raise NotReadyError(f"{name}: {'; '.join(reasons)}")
-    version = published.next_version(application)
+    version = published.next_version(measured.application)
     # A dictionary would hide a duplicate name; the check of the front reports it.
-    content = _document(exploration, application, version, evaluations, chosen)
-    return fronts.create_draft(content, by, f"from exploration {exploration.pk}")
+    return fronts.create_draft(_document(measured, version, chosen), by, f"from exploration {exploration.pk}")
 
 
 def front_document(exploration: Exploration, version: str, application: str | None = None) -> dict[str, Any]:
@@ -164,18 +168,16 @@ def front_document(exploration: Exploration, version: str, application: str | No
     NothingToPublishError without such points, without the default, or without a valid faster point, and
     SequenceError if the sequence is not on this machine any more.
     """
-    application = application or applications(exploration)[0]
-    evaluations = evaluations_of(exploration, application, exploration.evaluations.all())
-    ready = [point for point in points.measured_points(evaluations) if point.repeats >= LEAST_REPEATS]
+    measured = _Measured(exploration, application)
+    ready = [point for point in measured.points if point.repeats >= LEAST_REPEATS]
     if not ready:
         raise NothingToPublishError(
             f"no configuration was repeated {LEAST_REPEATS} times over the whole sequence, so no figure is "
             "reliable: explore with at least as many repeats, or measure the points again in the "
             "administration"
         )
-    robust = robustness.repeat_robustness(exploration, evaluations)
-    chosen = name_points(ready, robust, application)
-    return _document(exploration, application, version, evaluations, list(chosen.items()))
+    chosen = name_points(ready, measured.robust, measured.application)
+    return _document(measured, version, list(chosen.items()))
 
 
 def name_points(
@@ -220,10 +222,7 @@ def name_points(
     named = {DEFAULT: default, BEST: best}
     if adaptive := [point for point in possible if points.skips(application, point)]:
         named[ADAPTIVE] = adaptive[0]
-    for name, point in (
-        ("accurate", min(valid, key=_worst_error)),
-        ("knee", valid[knee(table)]),
-    ):
+    for name, point in (("accurate", min(valid, key=_worst_error)), ("knee", valid[knee(table)])):
         if point not in named.values():
             named[name] = point
     named |= {point.label: point for point in valid if point.label and point not in named.values()}
@@ -243,17 +242,16 @@ def _worst_error(point: Point) -> float:
 
 
 def _edge(point: Point, robust: Mapping[str, Robustness]) -> str:
-    tested = robust.get(batches.configuration_digest(point.configuration))
-    return tested.edge if tested else ""
+    return robust[point.key].edge if point.key in robust else ""
 
 
 def _objections(point: Point, default: Point | None, robust: Mapping[str, Robustness]) -> list[str]:
     """Why `point` cannot be `best`, compared with `default`; empty if it can."""
-    tested = robust.get(batches.configuration_digest(point.configuration))
-    beside = robust.get(batches.configuration_digest(default.configuration)) if default else None
+    tested = robust.get(point.key)
+    beside = robust.get(default.key) if default else None
     reasons: list[str] = []
-    if tested is not None and tested.edge:
-        reasons.append(f"a slight change of the depth decides its error on {tested.edge}")
+    if edge := _edge(point, robust):
+        reasons.append(f"a slight change of the depth decides its error on {edge}")
     if tested is not None and beside is not None:
         reasons += objections(tested.results, beside.results, VALID_BELOW)
     error = _worst_error(point)
@@ -263,33 +261,22 @@ def _objections(point: Point, default: Point | None, robust: Mapping[str, Robust
     return reasons
 
 
-def _by_key(measured: Iterable[Point]) -> dict[str, Point]:
-    return {batches.configuration_digest(point.configuration): point for point in measured}
-
-
-def _document(
-    exploration: Exploration,
-    application: str,
-    version: str,
-    evaluations: Sequence[Evaluation],
-    chosen: Sequence[tuple[str, Point]],
-) -> dict[str, Any]:
-    colour = needs_colour(application)
+def _document(measured: _Measured, version: str, chosen: Sequence[tuple[str, Point]]) -> dict[str, Any]:
+    """`chosen`, points by name, as a front file."""
+    exploration, robust = measured.exploration, measured.robust
+    colour = needs_colour(measured.application)
     sequence = sequences.find_verified(exploration.sequence, exploration.sequence_sha256, colour)
-    robust = robustness.repeat_robustness(exploration, evaluations)
-    probes = _probes(evaluations, [point for _, point in chosen], robust)
+    published_points = [point for _, point in chosen]
+    probes = _probes(measured, published_points)
     protocol = session_protocol(PROTOCOL, [name for name, _ in chosen])
     protocol = replace(protocol, frames=min(protocol.frames, sequence["frames"]))
     return {
-        "application": application,
+        "application": measured.application,
         "version": version,
         "protocol": msgspec.to_builtins(protocol),
         "sequence": _pack_name(sequence),
-        "configurations": [
-            _front_row(name, point, robust.get(batches.configuration_digest(point.configuration)))
-            for name, point in chosen
-        ],
-        "provenance": _provenance(exploration, evaluations, [point for _, point in chosen]),
+        "configurations": [_front_row(name, point, robust.get(point.key)) for name, point in chosen],
+        "provenance": _provenance(exploration, measured.evaluations, published_points),
         **({"probes": probes} if probes else {}),
     }
 
@@ -311,30 +298,26 @@ def _front_row(name: str, point: Point, robust: Robustness | None) -> dict[str, 
     }
 
 
-def _probes(
-    evaluations: Sequence[Evaluation], chosen: Sequence[Point], robust: Mapping[str, Robustness]
-) -> list[dict[str, Any]]:
+def _probes(measured: _Measured, chosen: Sequence[Point]) -> list[dict[str, Any]]:
     """At most PROBES points near the front, which clients may be asked to measure, fastest first.
 
     They are the valid points nearest to the front of `chosen`, by how many times slower or less accurate they
     are.
     """
-    whole = [row for row in evaluations if row.frames is None and not row.censored]
-    chosen_digests = {batches.configuration_digest(point.configuration) for point in chosen}
+    whole = [row for row in measured.evaluations if row.frames is None and not row.censored]
+    keys = {point.key for point in chosen}
     every = [
         point
-        for key, point in _by_key(points.measured_points(whole)).items()
-        if key not in chosen_digests and _holds(point, robust)
+        for point in points.measured_points(whole)
+        if point.key not in keys and _holds(point, measured.robust)
     ]
     speed = points.speed_objective([*chosen, *every])
-    objectives = ("ate_max", speed)
-    front = np.log([[max(point.values[name], LEAST_VALUE) for name in objectives] for point in chosen])
-    behind = [
-        float(
-            (np.log([max(point.values[name], LEAST_VALUE) for name in objectives]) - front).max(axis=1).min()
-        )
-        for point in every
-    ]
+
+    def logs(point: Point) -> np.ndarray:
+        return np.log([max(point.values[name], LEAST_VALUE) for name in ("ate_max", speed)])
+
+    front = np.array([logs(point) for point in chosen])
+    behind = [float((logs(point) - front).max(axis=1).min()) for point in every]
     nearest = [every[index] for index in np.argsort(behind, kind="stable")[:PROBES]]
     nearest.sort(key=lambda point: point.values[speed])
     return [_front_row(f"probe-{number:02}", point, None) for number, point in enumerate(nearest, start=1)]
@@ -357,11 +340,7 @@ def _provenance(
     measured_here = [evaluation for evaluation in evaluations if evaluation.phase not in search.COPIED]
     done = [evaluation for evaluation in measured_here if evaluation.state == Evaluation.State.DONE]
     failed = [evaluation for evaluation in measured_here if evaluation.state == Evaluation.State.FAILED]
-    warm_start = (
-        {"warm_start": f"exploration {exploration.warm_start_from_id}"}
-        if len(measured_here) < len(evaluations)
-        else {}
-    )
+    warm = len(measured_here) < len(evaluations)
     repeats = [point.measurements for point in chosen]
     sha256 = exploration_file.digest(exploration, list(exploration.evaluations.all()))
     # Pages of the front find the exploration by it.
@@ -397,7 +376,7 @@ def _provenance(
             "space": exploration.space.get("name"),
             "frames": exploration.frames or "all",
         },
-        **warm_start,
+        **({"warm_start": f"exploration {exploration.warm_start_from_id}"} if warm else {}),
         "command": without_folders(exploration.command)
         or creation_command.creation_command(exploration)
         or NO_COMMAND,

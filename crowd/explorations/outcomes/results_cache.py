@@ -15,10 +15,9 @@ from threading import Lock
 from django.db import connection
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.searching import points, rows
+from crowd.explorations.searching import points
 from crowd.explorations.searching.points import Point
-from crowd.explorations.searching.rows import Row
-from crowd.explorations.searching.search import CHOSEN_ONCE, FINISHED
+from crowd.explorations.searching.search import CHOSEN_ONCE, FINISHED, for_search
 
 MAX_EXPLORATIONS = 4  # explorations
 MAX_KEYS = 500  # keys in a query; where more rows changed, all are read
@@ -57,8 +56,8 @@ class ResultsCache:
     def __init__(self) -> None:
         self._lock = Lock()
         self._marks: set[Mark] = set()
-        self._rows: dict[int, Row] = {}
-        self._groups: dict[str, dict[int, Row]] = {}
+        self._rows: dict[int, Evaluation] = {}
+        self._groups: dict[str, dict[int, Evaluation]] = {}
         self._points: dict[str, tuple[int, Point]] = {}
         self._answer: tuple[str, SearchResults] | None = None
 
@@ -95,14 +94,12 @@ class ResultsCache:
 
     def _found(self, exploration: Exploration) -> SearchResults:
         measured = [point for _, point in sorted(self._points.values(), key=itemgetter(0))]
-        searched = [
-            row for row in self._rows.values() if row.space_index is not None and row.phase in CHOSEN_ONCE
-        ]
+        searched = [row for row in self._rows.values() if row.index is not None and row.phase in CHOSEN_ONCE]
         searched.sort(key=lambda row: (row.finished_at or row.created_at, row.number))
         return SearchResults(
             points=tuple(measured),
             front=tuple(points.best_points(exploration, points.reliable(exploration, measured))),
-            indices=tuple(row.space_index for row in searched if row.space_index is not None),
+            indices=tuple(row.index for row in searched if row.index is not None),
             values=tuple(row.objectives for row in searched),
             phases=tuple(row.phase for row in searched),
         )
@@ -120,9 +117,9 @@ def _marks(exploration: Exploration) -> set[Mark]:
         return set(cursor.fetchall())
 
 
-def _rows(exploration: Exploration, keys: Collection[int]) -> list[Row]:
+def _rows(exploration: Exploration, keys: Collection[int]) -> list[Evaluation]:
     finished = Evaluation.objects.filter(exploration=exploration, state__in=FINISHED).order_by()
     finished = finished.exclude(phase=Evaluation.Phase.PRIOR)
     if len(keys) <= MAX_KEYS:
         finished = finished.filter(pk__in=keys)
-    return [row for row in rows.read(finished) if row.pk in keys]
+    return [row for row in for_search(finished) if row.pk in keys]

@@ -10,7 +10,7 @@ from typing import Any
 
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.fronts.content.generalisation import Results, bound
-from wire.front import Result
+from wire.front import SequenceResult
 
 
 @dataclass(frozen=True)
@@ -55,9 +55,9 @@ def _is_on_edge(parts: Sequence[Mapping[str, Any]]) -> bool:
 
 def _results(
     packs: Iterable[Mapping[str, str]], runs: Mapping[str, Sequence[Mapping[str, Any]]]
-) -> tuple[Result, ...]:
+) -> tuple[SequenceResult, ...]:
     return tuple(
-        Result(
+        SequenceResult(
             sequence=pack["name"],
             ate_max=max(part["ate_max"] for part in runs[pack["name"]]),
             lost=max(part["lost"] for part in runs[pack["name"]]),

@@ -12,7 +12,6 @@ from django.utils.crypto import salted_hmac
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching import baseline_configurations, ratios, search
 from crowd.explorations.searching.baseline_configurations import DEFAULT, is_default
-from crowd.explorations.searching.rows import Row
 from pareto.search.history import History
 from slam.definitions import without_optional
 
@@ -97,20 +96,20 @@ def with_default(exploration: Exploration, wanted: Sequence[WantedEvaluation]) -
     return [(default, Evaluation.Phase.DEFAULT, DEFAULT), *wanted]
 
 
-def measured_again(exploration: Exploration, evaluations: Sequence[Row]) -> list[WantedEvaluation]:
+def measured_again(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list[WantedEvaluation]:
     """One in MEASURED_AGAIN of the finished `evaluations`, once more, if the device answers over HTTP.
 
     A keyed hash chooses: the device cannot know which.
     """
     if not exploration.reference_device.token_sha256:
         return []
-    checked = {row.space_index for row in evaluations if row.phase == Evaluation.Phase.CHECK}
+    checked = {row.index for row in evaluations if row.phase == Evaluation.Phase.CHECK}
     chosen = [
         row.pk
         for row in evaluations
         if row.phase in search.CHOSEN_ONCE
         and row.state == Evaluation.State.DONE
-        and row.space_index not in checked
+        and row.index not in checked
         and not row.censored
         and int(salted_hmac("measured again", str(row.pk)).hexdigest()[:8], 16) % MEASURED_AGAIN == 0
     ]

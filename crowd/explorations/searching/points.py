@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from statistics import median
 from typing import Any
 
@@ -11,7 +12,7 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import LOST_MORE, RATIO
 from crowd.explorations.searching.applications import application_of
 from crowd.explorations.searching.baseline_configurations import DEFAULT
-from crowd.explorations.searching.rows import Row
+from crowd.explorations.searching.batches import configuration_digest
 from pareto.fronts.front import nondominated
 from slam.definitions import SYSTEMS
 
@@ -41,6 +42,11 @@ class Point:
     censored: tuple[str, ...] = ()
     number: int | None = None
 
+    @cached_property
+    def key(self) -> str:
+        """The digest of its configuration."""
+        return configuration_digest(self.configuration)
+
     @property
     def least(self) -> str:
         """The words before its error: whether it is only a bound."""
@@ -67,9 +73,9 @@ def speedup(default: Point | None, point: Point | None) -> float | None:
     return before / after if before and after else None
 
 
-def measured_points(evaluations: Iterable[Evaluation | Row]) -> list[Point]:
+def measured_points(evaluations: Iterable[Evaluation]) -> list[Point]:
     """All measured configurations, in the order of their first measurements, without priors."""
-    groups: dict[str, list[Evaluation | Row]] = {}
+    groups: dict[str, list[Evaluation]] = {}
     for evaluation in evaluations:
         if evaluation.state == Evaluation.State.DONE and evaluation.phase != Phase.PRIOR:
             groups.setdefault(evaluation.configuration_key, []).append(evaluation)
@@ -180,7 +186,7 @@ def _column(points: Sequence[Point], name: str) -> np.ndarray:
     return np.array([point.values.get(name) for point in points], dtype=np.float64)
 
 
-def _point(group: Sequence[Evaluation | Row]) -> Point:
+def _point(group: Sequence[Evaluation]) -> Point:
     again = [evaluation for evaluation in group if evaluation.phase == Phase.REPEAT]
     rows = [evaluation.objectives or {} for evaluation in again or group]
     names = [name for name in rows[0] if all(name in row for row in rows)]

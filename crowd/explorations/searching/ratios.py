@@ -7,10 +7,9 @@ are stored once and never change.
 
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
-from datetime import datetime
 from itertools import pairwise
 from statistics import median
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 from django.db import transaction
 from django.utils import timezone
@@ -33,70 +32,42 @@ class NoDefaultError(ParetoError):
     """There is no measurement of the default. The message says why and what to do."""
 
 
-class Measured(Protocol):
-    """An evaluation, or a row of its columns, from which a ratio is computed."""
-
-    @property
-    def pk(self) -> int: ...
-    @property
-    def number(self) -> int: ...
-    @property
-    def phase(self) -> str: ...
-    @property
-    def label(self) -> str: ...
-    @property
-    def state(self) -> str: ...
-    @property
-    def iteration(self) -> int: ...
-    @property
-    def frames(self) -> int | None: ...
-    @property
-    def objectives(self) -> dict[str, float] | None: ...
-    @property
-    def parts(self) -> list[dict[str, Any]] | None: ...
-    @property
-    def ratio_filled_at(self) -> datetime | None: ...
-
-
-RowType = TypeVar("RowType", bound=Measured)
-
-
 def uses_ratio(exploration: Exploration) -> bool:
     """Whether `exploration` minimises a ratio, and so needs the default in each round."""
     return RATIO in exploration.objectives or ERROR_RATIO in exploration.objectives
 
 
-def awaits_ratio(exploration: Exploration, row: Measured) -> bool:
+def awaits_ratio(exploration: Exploration, row: Evaluation) -> bool:
     """Whether `row` is measured but its ratios are not stored yet."""
     measured = row.state == State.DONE and row.phase not in COPIED
     return measured and row.ratio_filled_at is None and uses_ratio(exploration)
 
 
-def fill_ratios(exploration: Exploration, rows: Sequence[RowType]) -> dict[int, dict[str, float]]:
-    """Store the ratios that `rows` (all of `exploration`) allow. Returns the new objectives by key.
+def fill_ratios(exploration: Exploration, rows: Sequence[Evaluation]) -> None:
+    """Store the ratios that `rows` (all of `exploration`) allow, also in `rows` themselves.
 
     A row waits until the default of its round is finished. After storing the others, raises NoDefaultError if
     a row can never have a ratio.
     """
     waiting = [row for row in rows if awaits_ratio(exploration, row)]
     if not waiting:
-        return {}
+        return
     computed = compute_ratios(exploration, rows)
-    filled = {row.pk: (row.objectives or {}) | computed[row.pk] for row in waiting if row.pk in computed}
     now = timezone.now()
     with transaction.atomic():
-        for key, objectives in filled.items():
-            stored = Evaluation.objects.filter(pk=key, state=State.DONE, ratio_filled_at__isnull=True)
-            stored.update(objectives=objectives, ratio_filled_at=now)
+        for row in waiting:
+            if row.pk in computed:
+                row.objectives, row.ratio_filled_at = (row.objectives or {}) | computed[row.pk], now
+                stored = Evaluation.objects.filter(pk=row.pk, state=State.DONE, ratio_filled_at__isnull=True)
+                stored.update(objectives=row.objectives, ratio_filled_at=now)
     open_frames = {row.frames for row in rows if is_default(row) and row.state in _UNFINISHED}
     for row in waiting:
-        if row.pk not in filled and row.frames not in open_frames:
+        if row.pk not in computed and row.frames not in open_frames:
             raise NoDefaultError(_no_default_message(exploration, row.frames))
-    return filled
 
 
 def compute_ratios(
-    exploration: Exploration, rows: Iterable[Measured], patient: bool = True
+    exploration: Exploration, rows: Iterable[Evaluation], patient: bool = True
 ) -> dict[int, dict[str, float]]:
     """Both ratios of each measured row of `exploration`, and `lost_more`, by key; rows without are left out.
 
@@ -112,7 +83,7 @@ def compute_ratios(
     for row in defaults:
         if row.phase == Phase.REPEAT:
             starts.setdefault(row.iteration, []).append(row.number)
-    measured: dict[Round, list[Measured]] = {}
+    measured: dict[Round, list[Evaluation]] = {}
     positions: dict[Round, int] = {}
     unfinished: set[Round] = set()
     for row in defaults:
@@ -136,7 +107,7 @@ def compute_ratios(
     return ratios
 
 
-def default_rounds(exploration: Exploration, rows: Iterable[Measured]) -> list[dict[str, float]]:
+def default_rounds(exploration: Exploration, rows: Iterable[Evaluation]) -> list[dict[str, float]]:
     """The default's objectives, and its ratios to the measurement before: they vary by noise alone.
 
     Where the runtime changed by more than STEP, the pair is left out.
@@ -154,12 +125,12 @@ def default_rounds(exploration: Exploration, rows: Iterable[Measured]) -> list[d
     ]
 
 
-def is_default(row: Measured) -> bool:
+def is_default(row: Evaluation) -> bool:
     """Whether `row` is a measurement of the default that others are compared with."""
     return row.label == DEFAULT and row.phase in DEFAULT_PHASES
 
 
-def lacks_default(rows: Iterable[Measured], repeats: bool) -> bool:
+def lacks_default(rows: Iterable[Evaluation], repeats: bool) -> bool:
     """Whether `rows`, only their `repeats` or only the others, lack a measurement of the default."""
     kind = [row for row in rows if (row.phase == Phase.REPEAT) == repeats]
     return bool(kind) and not any(is_default(row) for row in kind)
@@ -168,7 +139,7 @@ def lacks_default(rows: Iterable[Measured], repeats: bool) -> bool:
 _UNFINISHED = (State.PENDING, State.RUNNING)
 
 
-def _compare(exploration: Exploration, row: Measured, defaults: Sequence[Measured]) -> dict[str, float]:
+def _compare(exploration: Exploration, row: Evaluation, defaults: Sequence[Evaluation]) -> dict[str, float]:
     """Both ratios of `row` to the `defaults` of its round, and `lost_more`, by sequence if all have parts."""
     if row.parts is None or any(default.parts is None for default in defaults):
         by_sequence = {"": row.objectives or {}}
@@ -196,13 +167,13 @@ def _compare(exploration: Exploration, row: Measured, defaults: Sequence[Measure
     return ratios | ({ERROR_RATIO: worst(errors, exploration.failures_allowed)} if errors else {})
 
 
-def _by_sequence(exploration: Exploration, row: Measured) -> dict[str, dict[str, Any]]:
+def _by_sequence(exploration: Exploration, row: Evaluation) -> dict[str, dict[str, Any]]:
     """The parts of `row` on sequences learned on, by their names."""
     learned = [pack["name"] for pack in exploration.learned_on]
     return {part["sequence"]: part for part in row.parts or [] if part["sequence"] in learned}
 
 
-def _round(row: Measured, starts: Mapping[int, Sequence[int]]) -> Round:
+def _round(row: Evaluation, starts: Mapping[int, Sequence[int]]) -> Round:
     if row.phase != Phase.REPEAT:
         return row.frames, row.iteration, -1
     numbers = starts.get(row.iteration, ())
@@ -210,7 +181,7 @@ def _round(row: Measured, starts: Mapping[int, Sequence[int]]) -> Round:
     return row.frames, row.iteration, first
 
 
-def _nearest(row: Measured, positions: Mapping[Round, int]) -> Round | None:
+def _nearest(row: Evaluation, positions: Mapping[Round, int]) -> Round | None:
     same_frames = [each for each in positions if each[0] == row.frames]
     distances = {each: (abs(positions[each] - row.number), positions[each]) for each in same_frames}
     return min(same_frames, key=distances.__getitem__, default=None)

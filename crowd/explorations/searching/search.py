@@ -12,11 +12,11 @@ from statistics import median
 from typing import Any
 
 import numpy as np
+from django.db.models import QuerySet
 
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import LOST_MORE
-from crowd.explorations.searching import ratios, rows
-from crowd.explorations.searching.rows import Row
+from crowd.explorations.searching import ratios
 from pareto import Explorer, Space
 from pareto.errors import ConfigurationError
 from pareto.fronts.censored import mark_censored
@@ -37,6 +37,11 @@ OUTLIER_DEVIATIONS = 6.0
 LEAST_OUTLIER_FACTOR = 1.5  # a measurement within this factor is never an outlier
 MAX_OUTLIER_SHARE = 0.05  # of the measurements: if more are far off, the forest is wrong
 CHECKS = 2  # with the first measurement three, of which the median counts
+# What a search and its points read of an evaluation.
+_COLUMNS = (
+    *("exploration", "number", "phase", "label", "state", "iteration", "configuration", "configuration_key"),
+    *("index", "frames", "objectives", "parts", "censored", "ratio_filled_at", "created_at", "finished_at"),
+)
 
 
 def search_space(exploration: Exploration) -> Space:
@@ -87,26 +92,19 @@ def with_optional(space: Space, configuration: Mapping[str, Any]) -> dict[str, A
     return dict.fromkeys(optional, 0) | dict(configuration)
 
 
-def read_rows(exploration: Exploration) -> list[Row]:
+def for_search(evaluations: QuerySet[Evaluation]) -> QuerySet[Evaluation]:
+    """`evaluations` with the columns that a search and its points read: others cost a query each."""
+    return evaluations.only(*_COLUMNS)
+
+
+def read_rows(exploration: Exploration) -> list[Evaluation]:
     """All evaluations of `exploration` in the order of their numbers. One query."""
-    return list(rows.read(exploration.evaluations.order_by("number")))
+    return list(for_search(exploration.evaluations.order_by("number")))
 
 
-def with_ratios(exploration: Exploration, rows: Sequence[Row]) -> list[Row]:
-    """Store the ratios that `rows` (all of `exploration`) allow. Returns the updated rows.
-
-    Raises NoDefaultError if the default could not be measured.
-    """
-    filled = ratios.fill_ratios(exploration, rows)
-    return [
-        row._replace(objectives=filled[row.pk], ratio_filled_at=row.finished_at) if row.pk in filled else row
-        for row in rows
-    ]
-
-
-def informed_explorer(exploration: Exploration, evaluations: Sequence[Row]) -> Explorer:
+def informed_explorer(exploration: Exploration, evaluations: Sequence[Evaluation]) -> Explorer:
     """An explorer with all `evaluations` of `exploration`, given in the order of their numbers."""
-    rows = [row for row in evaluations if row.space_index is not None]
+    rows = [row for row in evaluations if row.index is not None]
     compares = ratios.uses_ratio(exploration)
     rounds = ratios.default_rounds(exploration, evaluations) if compares else None
     explorer = new_explorer(exploration, rounds=rounds, **_prior(exploration))
@@ -115,22 +113,22 @@ def informed_explorer(exploration: Exploration, evaluations: Sequence[Row]) -> E
         finished.sort(key=_finished)
     asked = [row for row in rows if row.phase in (*SEARCHED, Phase.GIVEN)]
     unfinished = [row for row in asked if not _is_readable(exploration, row)]
-    groups: dict[int, list[Row]] = {}
+    groups: dict[int, list[Evaluation]] = {}
     for row in finished:
-        groups.setdefault(row.space_index, []).append(row)  # type: ignore[arg-type]
+        groups.setdefault(row.index, []).append(row)  # type: ignore[arg-type]
     state = explorer.state() | {
         "asks": len({row.iteration for row in evaluations if row.phase in SEARCHED}),
         "observations": [
             [index, group[0].phase, _measurements(group, exploration.objectives)]
             for index, group in groups.items()
         ],
-        "pending": [[row.space_index, row.phase] for row in unfinished if _is_pending(row, groups)],
+        "pending": [[row.index, row.phase] for row in unfinished if _is_pending(row, groups)],
     }
     return Explorer.restore(explorer.space, state)
 
 
 def recommended_configurations(
-    exploration: Exploration, evaluations: Sequence[Row]
+    exploration: Exploration, evaluations: Sequence[Evaluation]
 ) -> list[dict[str, Any]] | None:
     """The configurations on the front of expected values; None without noise in repeated measurements."""
     explorer = informed_explorer(exploration, evaluations)
@@ -139,7 +137,7 @@ def recommended_configurations(
     return [without_optional(item.configuration) for item in explorer.recommended()]
 
 
-def outliers(exploration: Exploration, evaluations: Sequence[Row]) -> list[Row]:
+def outliers(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
     """Measurements to check, since they are far from what the others predict.
 
     The prediction is a random forest's out-of-bag prediction, in logarithms if all values are positive. An
@@ -155,13 +153,13 @@ def outliers(exploration: Exploration, evaluations: Sequence[Row]) -> list[Row]:
     looked = any(row.phase == Phase.CHECK and row.iteration > newest for row in evaluations)
     if looked or _look_number(len(searched)) == _look_number(before):
         return []
-    checked = {row.space_index for row in evaluations if row.phase == Phase.CHECK}
-    checked |= {row.space_index for row in searched if row.phase == Phase.AGAIN}
-    once = [row for row in searched if row.space_index not in checked]
+    checked = {row.index for row in evaluations if row.phase == Phase.CHECK}
+    checked |= {row.index for row in searched if row.phase == Phase.AGAIN}
+    once = [row for row in searched if row.index not in checked]
     done = [row for row in once if row.state == State.DONE and not ratios.awaits_ratio(exploration, row)]
     done = [row for row in done if not row.censored]
     space = search_space(exploration)
-    indices = np.array([row.space_index for row in done], dtype=np.int64)
+    indices = np.array([row.index for row in done], dtype=np.int64)
     far = np.zeros(len(done))
     for name in exploration.objectives:
         far = np.maximum(far, _deviations(space, indices, _column(done, name)))
@@ -194,26 +192,26 @@ def _look_number(measurements: int) -> int:
     return 0 if measurements < FIRST_LOOK else 1 + int(log2(measurements / FIRST_LOOK))
 
 
-def _column(rows: Iterable[Row], name: str) -> np.ndarray:
+def _column(rows: Iterable[Evaluation], name: str) -> np.ndarray:
     return np.array([(row.objectives or {}).get(name, np.nan) for row in rows], dtype=np.float64)
 
 
-def _is_learned(exploration: Exploration, row: Row) -> bool:
+def _is_learned(exploration: Exploration, row: Evaluation) -> bool:
     """Whether the explorer learns `row`: not a prior, the default of a round, or over other frames."""
     return row.phase not in (Phase.PRIOR, Phase.DEFAULT) and row.frames == exploration.frames
 
 
-def _is_readable(exploration: Exploration, row: Row) -> bool:
+def _is_readable(exploration: Exploration, row: Evaluation) -> bool:
     """Whether `row` is finished and has its ratios, if the exploration minimises one."""
     return row.state in FINISHED and not ratios.awaits_ratio(exploration, row)
 
 
-def _is_pending(row: Row, groups: Mapping[int, Sequence[Row]]) -> bool:
+def _is_pending(row: Evaluation, groups: Mapping[int, Sequence[Evaluation]]) -> bool:
     """Whether the explorer waits for `row`: its configuration has no measurement, or is measured again."""
-    return row.phase == Phase.AGAIN or row.space_index not in groups
+    return row.phase == Phase.AGAIN or row.index not in groups
 
 
-def _measurements(group: Sequence[Row], objectives: Sequence[str]) -> list[list[Any] | None]:
+def _measurements(group: Sequence[Evaluation], objectives: Sequence[str]) -> list[list[Any] | None]:
     """The measurements of one configuration that the explorer learns.
 
     The first measurement and its checks count as one, their median. Each measurement that the search
@@ -225,7 +223,7 @@ def _measurements(group: Sequence[Row], objectives: Sequence[str]) -> list[list[
     return [_values(first, objectives), *further] if first else further
 
 
-def _values(group: Sequence[Row], objectives: Sequence[str]) -> list[Any] | None:
+def _values(group: Sequence[Evaluation], objectives: Sequence[str]) -> list[Any] | None:
     """The median of several measurements of one configuration; None if all failed, or if one lost the camera
     more often than the default.
 
@@ -239,7 +237,7 @@ def _values(group: Sequence[Row], objectives: Sequence[str]) -> list[Any] | None
     return [{"censored": value} if name in censored else value for name, value in values.items()]
 
 
-def _finished(row: Row) -> tuple[float, int]:
+def _finished(row: Evaluation) -> tuple[float, int]:
     return (row.finished_at.timestamp() if row.finished_at else 0.0, row.number)
 
 

@@ -12,7 +12,6 @@ import msgspec
 from msgspec.structs import replace
 
 from crowd.fronts.content.generalisation import Results, objections
-from crowd.fronts.content.protocol import MEMBERS, disagreements
 from slam.configuration import ConfigurationError
 from slam.definitions import SYSTEMS
 from wire.front import (
@@ -23,6 +22,8 @@ from wire.front import (
     DEFAULT,
     Content,
     Point,
+    Protocol,
+    disagreements,
 )
 from wire.protocol import PAIRS, VERSION
 
@@ -180,9 +181,10 @@ def _with_place(error: msgspec.ValidationError) -> str:
     if missing := MISSING.fullmatch(reason):
         member, reason = f"{member}.{missing[1]}".lstrip("."), "is missing, add it"
     if unknown := UNKNOWN.fullmatch(reason):
-        member, reason = f"{member}.{unknown[1]:.80}", f"is unknown: a protocol has {', '.join(MEMBERS)}"
+        known = ", ".join(Protocol.__struct_fields__)
+        member, reason = f"{member}.{unknown[1]:.80}", f"is unknown: a protocol has {known}"
     for pattern, remedy in REMEDIES.items():
-        if f"regex '{pattern}'" in reason:
+        if f"regex {pattern!r}" in reason:
             reason = f"must be {remedy}"
     line = " ".join(f"{member}: {reason}".split())
     return f"{line} (docs/operate/publishing.md shows a whole front)"

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from wire.front import Result
+from wire.front import SequenceResult
 
 # On a held-out sequence, the error may be FACTOR times the default's plus MARGIN (m).
 FACTOR, MARGIN = 1.5, 0.01
@@ -13,8 +13,8 @@ FACTOR, MARGIN = 1.5, 0.01
 class Results(NamedTuple):
     """The results of a configuration on sequences learned on, and on held-out ones."""
 
-    learned_on: Sequence[Result]
-    held_out: Sequence[Result]
+    learned_on: Sequence[SequenceResult]
+    held_out: Sequence[SequenceResult]
 
 
 def bound(default_error: float) -> float:
@@ -52,7 +52,7 @@ def generalises(own: Results, default: Results) -> bool:
     return not any(objections(Results((), own.held_out), Results((), default.held_out), math.inf))
 
 
-def _lost(result: Result, default: Result) -> Iterator[str]:
+def _lost(result: SequenceResult, default: SequenceResult) -> Iterator[str]:
     if result.lost > default.lost:
         yield (
             f"tracking is lost in {result.lost} frames of {result.sequence}, with the default in "
@@ -60,5 +60,5 @@ def _lost(result: Result, default: Result) -> Iterator[str]:
         )
 
 
-def _error(result: Result) -> str:
+def _error(result: SequenceResult) -> str:
     return f"its error on {result.sequence} is {100 * result.ate_max:.1f} cm"

@@ -1,18 +1,20 @@
 """What the server asks for: read strictly, kept for days without a network, turned into an order of runs."""
 
+import math
 from typing import Any
 
 import pytest
 
 from client_kit.client import Client
 from client_kit.delivery import manifest
-from client_kit.delivery.manifest import Manifest, Reference
+from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.server import NotFrontrunnerError, Server, UnreachableError
 from client_kit.errors import CannotMeasureError, OutdatedError, UsageError
 from client_kit.home import Home
 from slam.devices.device import BACKENDS
 from tests.builders import manifests
 from tests.client_kit.scripted import Reply, Request, Serve, always, at_first, problem
+from wire.manifest import ContentReference
 
 
 def asking(document: dict[str, Any] | None = None, **protocol: Any) -> Manifest:
@@ -41,7 +43,7 @@ def test_an_unchanged_manifest_is_not_sent_again(serve: Serve, home: Home) -> No
 
     assert first == again
     assert first[1] is True
-    assert first[0].configurations["best"].parameters == {"mu": 0.4}
+    assert first[0].by_name["best"].parameters == {"mu": 0.4}
 
 
 def test_without_a_network_the_last_manifest_serves(serve: Serve, home: Home) -> None:
@@ -98,26 +100,33 @@ def test_a_kept_manifest_of_another_protocol_is_left_out(home: Home) -> None:
     assert set(manifest.stored_manifests(home)) == {(manifests.SERVER, "kfusion")}
 
 
-ONE_TOO_MANY = {"order": ["default", "best", "best", "default"], "repeats": 25}
+def reference(sha256: str) -> dict[str, Any]:
+    return {"sha256": sha256, "url": "/"}
 
 
 @pytest.mark.parametrize(
     ("part", "changes", "message"),
     [
-        ("configurations", [], "configurations: default"),
-        ("configurations", {"band": None}, "lacks 'band'"),
-        ("configurations", {"trajectory": None}, "lacks 'trajectory'"),
-        ("configurations", {"band": -1}, "default has band -1"),
-        ("configurations", {"trajectory": {"sha256": "../../etc", "url": "/"}}, "trajectory '../../etc'"),
-        ("protocol", {"order": ["default", "unknown"]}, "unknown"),
-        ("protocol", {"first_counted_frame": 12}, "out of range"),
-        ("protocol", {"frames": "many"}, "many"),
-        ("protocol", ONE_TOO_MANY, "repeats 25"),
-        ("protocol", {"order": ["default"], "repeats": 26}, "repeats 26"),
-        ("sequence", {"sha256": "../../etc"}, "hexadecimal"),
-        ("sequence", None, "not understood"),
-        ("sequence", {"colour": {"sha256": ".."}}, "colour"),
-        ("sequence", {"chunks": [{"sha256": "../" * 21 + "a", "bytes": 1, "url": "/"}]}, "chunk"),
+        ("configurations", [], "configurations lacks default"),
+        ("configurations", {"band": None}, "field `band` .*configurations"),
+        ("configurations", {"trajectory": None}, "field `trajectory` .*configurations"),
+        ("configurations", {"band": -1}, r"configurations\[0\].band"),
+        ("configurations", {"band": math.nan}, r"configurations\[0\].band"),
+        ("configurations", {"trajectory": reference("../../etc")}, r"configurations\[0\].trajectory.sha256"),
+        ("configurations", {"trajectory": reference("0" * 64 + "\n")}, r"\[0\].trajectory.sha256"),
+        ("protocol", {"order": ["default", "unknown"]}, "protocol.order: 'unknown'"),
+        ("protocol", {"order": ["best", "fine"]}, "protocol.order: default is missing"),
+        ("protocol", {"first_counted_frame": 12}, "protocol.first_counted_frame: 12"),
+        ("protocol", {"warmup_frames": -1}, "protocol.warmup_frames"),
+        ("protocol", {"frames": "many"}, "protocol.frames"),
+        ("protocol", {"rest_seconds": math.nan}, "protocol.rest_seconds"),
+        ("protocol", {"repeats": 26}, "protocol.repeats: 26 of 2 names are 52 runs"),
+        ("protocol", {"repeats": 51}, "protocol.repeats"),
+        ("sequence", {"sha256": "../../etc"}, "sequence.sha256"),
+        ("sequence", None, "sequence"),
+        ("sequence", {"colour": {"name": "", "sha256": "..", "chunks": []}}, "sequence.colour.sha256"),
+        ("sequence", {"chunks": [reference("../" * 21 + "a") | {"bytes": 1}]}, r"chunks\[0\].sha256"),
+        ("sequence", {"chunks": [reference("0" * 64) | {"bytes": 0}]}, r"chunks\[0\].bytes"),
     ],
 )
 def test_a_manifest_that_is_wrong_is_refused_by_name(part: str, changes: Any, message: str) -> None:
@@ -177,7 +186,7 @@ def test_a_front_too_large_for_one_session_is_measured_in_several() -> None:
     assert [len(plan) for plan in plans] == [40, 38]
     assert all(plan[0] == plan[-1] == "default" for plan in plans)
     measured = [name for plan in plans for name in set(plan) - {"default"}]
-    assert sorted(measured) == sorted(set(asked.configurations) - {"default"})
+    assert sorted(measured) == sorted(set(asked.by_name) - {"default"})
     assert [len(plan) for plan in asking(repeats=24).plans(("best", "fine"))] == [48, 48]
 
 
@@ -186,7 +195,7 @@ def test_names_that_the_front_lacks_and_more_runs_than_a_session_holds_are_usage
         asking().plan(("fast",))
     many = asking(with_points(*(f"point-{number}" for number in range(23))))
     with pytest.raises(UsageError, match="52 runs are more than the 50"):
-        many.plan(list(many.configurations))
+        many.plan(list(many.by_name))
 
 
 def test_an_old_client_is_refused_and_a_pause_is_obeyed() -> None:
@@ -205,10 +214,10 @@ def test_each_configuration_has_a_band_a_reference_and_the_backends_that_can_run
 
     asked = Manifest.parse(document)
 
-    best, digest = asked.configurations["best"], manifests.digest(manifests.TRAJECTORY)
-    assert (best.band, best.reference) == (0.003, Reference(digest, f"/trajectories/{digest}"))
+    best, digest = asked.by_name["best"], manifests.digest(manifests.TRAJECTORY)
+    assert (best.band, best.trajectory) == (0.003, ContentReference(digest, f"/trajectories/{digest}"))
     assert best.backends == BACKENDS
-    assert asked.configurations["fine"].backends == ("opencl",)
+    assert asked.by_name["fine"].backends == ("opencl",)
 
 
 @pytest.mark.parametrize(("version", "older"), [(1, "server"), (3, "client")])

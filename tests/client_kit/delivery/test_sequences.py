@@ -16,7 +16,7 @@ from tests.client_kit.scripted import Reply, Request, Serve, always, at_first
 from tests.slam.tiny import write_tiny_pack
 
 CHUNKS = (b"the header", b"frames 0 to 9" * 100, b"frames 10 to 11")
-ASKED = Manifest.parse(manifests.manifest(CHUNKS))
+ASKED = Manifest.parse(manifests.manifest(CHUNKS)).sequence
 ADDRESSES = {f"/sequences/{manifests.digest(chunk)}": chunk for chunk in CHUNKS}
 
 
@@ -39,7 +39,7 @@ def test_a_download_is_a_pack_and_happens_once(serve: Serve, home: Home) -> None
 
     assert [(folder / "chunks" / manifests.digest(chunk)).read_bytes() for chunk in CHUNKS] == list(CHUNKS)
     description = json.loads((folder / "pack.json").read_text())
-    assert description["sha256"] == ASKED.sequence["sha256"]
+    assert description["sha256"] == ASKED.sha256
     assert description["chunks"][0] == {"sha256": manifests.digest(CHUNKS[0]), "bytes": len(CHUNKS[0])}
     total = sum(map(len, CHUNKS))
     assert progress == [(10, total), (1310, total), (total, total)]
@@ -89,7 +89,7 @@ def test_other_bytes_than_promised_are_never_kept(serve: Serve, home: Home) -> N
     with pytest.raises(CorruptDownloadError, match="does not match the manifest"):
         sequences.fetch(Server(scripted.url), ASKED, home, pause=no_pause)
 
-    assert not (home.sequence(str(ASKED.sequence["sha256"])) / "chunks").exists()
+    assert not (home.sequence(ASKED.sha256) / "chunks").exists()
 
 
 def test_colour_of_the_manifest_is_stored_beside_the_depth(serve: Serve, home: Home, tmp_path: Path) -> None:
@@ -99,7 +99,7 @@ def test_colour_of_the_manifest_is_stored_beside_the_depth(serve: Serve, home: H
     sequence = original.manifest | {"colour": {name: beside[name] for name in ("name", "sha256", "chunks")}}
     for chunk in (*sequence["chunks"], *beside["chunks"]):
         chunk["url"] = f"/sequences/{chunk['sha256']}"
-    asked = Manifest.parse(manifests.manifest(sequence=sequence))
+    asked = Manifest.parse(manifests.manifest(sequence=sequence)).sequence
     chunks = {path.name: path.read_bytes() for path in tmp_path.glob("tiny*/chunks/*")}
     scripted = serve(lambda request: Reply(200, raw=chunks[Path(request.path).name]))
 
@@ -109,5 +109,5 @@ def test_colour_of_the_manifest_is_stored_beside_the_depth(serve: Serve, home: H
     fetched = Pack(folder)
     assert (fetched.colour(3) == original.colour(3)).all()
     assert sequences.find_complete(asked, home) == folder
-    (colour_folder(folder) / "chunks" / asked.colour[0].sha256).unlink()
+    (colour_folder(folder) / "chunks" / beside["chunks"][0]["sha256"]).unlink()
     assert sequences.find_complete(asked, home) is None

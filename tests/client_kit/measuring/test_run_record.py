@@ -5,13 +5,21 @@ from typing import Any
 
 import pytest
 
-from client_kit.delivery.manifest import Configuration, Reference
+from client_kit.delivery.manifest import Configuration
 from client_kit.measuring.run_record import recorded
 from client_kit.measuring.session import Run
 from client_kit.measuring.worker_client import Outcome
+from wire.front import Predicted
+from wire.manifest import ContentReference
 
 STAGES = ("preprocessing", "tracking", "integration", "raycasting")
-BEST = Configuration("best", {}, {}, 0.003, Reference("0" * 64, "/trajectories/"))
+BEST = Configuration(
+    name="best",
+    parameters={},
+    predicted=Predicted(0.01, 0.01, 0.005),
+    band=0.003,
+    trajectory=ContentReference("0" * 64, "/trajectories/"),
+)
 REFERENCE = [[0.0, 0.0, 0.0]] * 12
 
 

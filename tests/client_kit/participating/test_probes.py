@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from client_kit.delivery.manifest import Assigned, Manifest
+from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.server import NotFrontrunnerError
 from client_kit.device import preflight
 from client_kit.device.preflight import Concern
@@ -19,9 +19,12 @@ from tests.client_kit import canned
 from tests.client_kit.commands import Terminal
 from tests.client_kit.counting import Counting
 from tests.client_kit.scripted import Serve, always, problem
+from wire.manifest import Assignment
 
 pytestmark = pytest.mark.usefixtures("canned_measurement")
 
+# Of a configuration without known times.
+UNKNOWN = {"runtime": 0, "ate_max": None, "ate_mean": None}
 REASONS = {"fine": "few devices have measured it", "rare": "yours predicts it worst"}
 THROTTLING = [Concern("throttling", "the device throttles", stops=True)]
 
@@ -36,10 +39,11 @@ def manifest() -> dict[str, Any]:
 def assigning(*names: str, **changes: Any) -> dict[str, Any]:
     """The manifest for one device, which is to measure `names`."""
     document = manifest()
-    default, *_, fine = document["configurations"]
-    known = {"fine": fine, "rare": {**fine, "name": "rare", "predicted": {}}}
-    document["configurations"] = [default, *(known[name] for name in names)]
-    document["protocol"] |= {"order": ["default", *names], "repeats": 2}
+    if names:
+        default, *_, fine = document["configurations"]
+        known = {"fine": fine, "rare": {**fine, "name": "rare", "predicted": UNKNOWN}}
+        document["configurations"] = [default, *(known[name] for name in names)]
+        document["protocol"] |= {"order": ["default", *names], "repeats": 2}
     return document | {"assigned": [{"name": name, "why": REASONS[name]} for name in names], **changes}
 
 
@@ -124,7 +128,7 @@ def test_the_option_measures_them_without_a_terminal(terminal: Terminal, countin
             "are measured: the server does not accept",
         ),
         (assigning("fine", consent_version=3), "are measured: the consent text has changed"),
-        (assigning("fine") | {"configurations": []}, "are measured: the server's manifest lacks"),
+        (assigning("fine") | {"configurations": []}, "understood: configurations lacks default"),
     ],
 )
 def test_where_nothing_is_assigned_the_run_ends_well(
@@ -216,7 +220,7 @@ def test_a_failed_default_gives_no_estimate() -> None:
 
 def test_assigned_configurations_have_reasons_and_are_in_the_manifest() -> None:
     asked = Manifest.parse(assigning("fine"))
-    assert asked.assigned == (Assigned("fine", "few devices have measured it"),)
+    assert asked.assigned == (Assignment("fine", "few devices have measured it"),)
     assert Manifest.parse(manifest()).assigned == ()
 
     unknown = assigning("fine") | {"assigned": [{"name": "nowhere", "why": ""}]}

@@ -124,7 +124,7 @@ def test_without_a_network_there_is_one_line_and_what_was_measured_stays(
     ("reply", "words"),
     [
         (Reply(200, raw=b"<html>Welcome to our hotel"), "the answer is not JSON"),
-        (Reply(200, {"hello": "world"}), "the server's manifest lacks 'configurations'"),
+        (Reply(200, {"hello": "world"}), "Object missing required field `protocol`"),
         (Reply(404, raw=b"<html>no"), "answers 404 Not Found, unlike a Frontrunner server"),
         (Reply(301, {}, (("Location", "https://other.example/"),)), "redirects to https://other.example/"),
         (problem(404, "not_found", "no front of kfusion is published"), "no front of kfusion is published"),

@@ -12,7 +12,6 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from client_kit.delivery import manifest as client_manifest
-from crowd.fronts.content import protocol
 from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services
@@ -20,6 +19,7 @@ from crowd.results.intake import admission
 from tests.builders.crowds import Join
 from tests.builders.documents import front_document, run_document, session_document, submission_document
 from tests.builders.participant import Participant
+from wire.front import Protocol
 
 TEXT = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=8)
 JSON = st.recursive(
@@ -29,7 +29,7 @@ JSON = st.recursive(
 )
 NAMES = st.sampled_from(["default", "best", "accurate"])
 USUAL = st.one_of(st.integers(-2, 120), st.floats(-1, 2), st.lists(NAMES, max_size=9))
-KNOWN = st.sampled_from(protocol.MEMBERS)
+KNOWN = st.sampled_from(Protocol.__struct_fields__)
 MEMBERS = st.dictionaries(KNOWN | TEXT, JSON | USUAL, min_size=1, max_size=3)
 
 
@@ -83,7 +83,7 @@ def test_every_member_is_accepted_in_its_range(db: None, pack: dict[str, Any]) -
     draft = services.create_draft(with_protocol(pack, members))
 
     stored = msgspec.to_builtins(draft.content.protocol)
-    assert set(stored) == set(protocol.MEMBERS)
+    assert set(stored) == set(Protocol.__struct_fields__)
     assert {name: stored[name] for name in members} == members
 
 

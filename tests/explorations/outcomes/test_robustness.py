@@ -11,7 +11,7 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import publishing, robustness
 from crowd.explorations.searching import batches, points
 from crowd.fronts.content.generalisation import Results, bound, objections
-from wire.front import Result
+from wire.front import SequenceResult
 
 DEFAULT, QUICK, QUICKER = {"n": "default"}, {"n": "quick"}, {"n": "quicker"}
 SEQUENCES = ("tiny", "office", "workshop")  # the last is held out
@@ -117,10 +117,10 @@ def test_results_are_the_worst_of_all_repeats(several: Exploration) -> None:
     ]
 
     assert robust.results.learned_on == (
-        Result("tiny", 0.012, 0),
-        Result("office", 0.02, 0),
+        SequenceResult("tiny", 0.012, 0),
+        SequenceResult("office", 0.02, 0),
     )
-    assert robust.results.held_out == (Result("workshop", 0.006, 2),)
+    assert robust.results.held_out == (SequenceResult("workshop", 0.006, 2),)
 
 
 def test_the_front_holds_results_and_probes(several: Exploration) -> None:
@@ -157,7 +157,7 @@ def test_repeats_run_over_held_out_sequences_and_change_the_depth(exploration: E
 
 
 def test_objections() -> None:
-    good = Result("a", 0.02, 0)
+    good = SequenceResult("a", 0.02, 0)
     default, both = Results([good], []), Results([good], [good])
     assert bound(0.02) == pytest.approx(0.04)
     assert list(objections(both, both, 0.05)) == []
@@ -172,7 +172,7 @@ def test_objections() -> None:
 
 
 def test_frames_in_the_dark_are_lost_for_every_configuration() -> None:
-    dark = Result("a", 0.02, 14)
+    dark = SequenceResult("a", 0.02, 14)
 
     assert list(objections(Results([dark], []), Results([dark], []), 0.05)) == []
     [lost] = objections(Results([replace(dark, lost=15)], []), Results([dark], []), 0.05)
