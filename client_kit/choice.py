@@ -65,7 +65,7 @@ def points(
     failures: Counter[str] = Counter()
     for run in _runs(manifest, payloads):
         name = run["configuration"]
-        if run["status"] != "ok" or run["ate_max"] is None or _deviates(manifest, run):
+        if run["status"] != "ok" or run.get("ate_max") is None or _deviates(manifest, run):
             failures[name] += 1
             continue
         counted = run["frame_us"][manifest.protocol.first_counted_frame :]

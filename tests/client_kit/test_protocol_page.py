@@ -15,13 +15,13 @@ from client_kit.delivery import sending
 from client_kit.delivery.manifest import Manifest
 from client_kit.device import preflight
 from client_kit.device.description import FIELDS
-from client_kit.measuring import session as record
 from crowd.devices.naming.processors import Processor, processor_of
 from crowd.devices.naming.raw_device import RawDevice
 from slam.datasets.formats.pack import Pack
 from tests.client_kit import canned
 from tests.client_kit.published import VERSION, publish
 from wire.manifest import Assignment
+from wire.session import SCHEMA_VERSION
 
 PAGE = (Path(__file__).parents[2] / "docs/data/protocol.md").read_text(encoding="utf-8")
 EXAMPLES: dict[str, Any] = {
@@ -159,7 +159,7 @@ def test_the_page_names_the_answers_that_are_final_and_the_clients_own_limits() 
     finals = re.search(r"^\| ([\d, ]+) \| rejected:", PAGE, re.MULTILINE)
     assert finals is not None
     assert tuple(int(status) for status in finals[1].split(",")) == sending.FINAL
-    assert EXAMPLES["submission"]["schema_version"] == record.SCHEMA_VERSION
+    assert EXAMPLES["submission"]["schema_version"] == SCHEMA_VERSION
     assert all(name in PAGE for name in ("low battery", "power saving", "throttling")), preflight.IGNORABLE
 
 
