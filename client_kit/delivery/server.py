@@ -18,9 +18,12 @@ from dataclasses import dataclass
 from email.message import Message
 from typing import Any
 
+import msgspec
+
 from client_kit import APP
 from client_kit.errors import ClientError, OutdatedError, UsageError
 from groundwork import __version__
+from wire.session import Enrolment
 
 TIMEOUT_SECONDS = 30.0
 # Features of leases that this client supports: several sequences, perturbed depth, an early stop, parts of a
@@ -133,10 +136,10 @@ class Server:
         query = urllib.parse.urlencode({"application": application})
         return self._call("GET", f"/recommendation?{query}", token=token).json()
 
-    def enrol(self, consent_version: str | int) -> tuple[str, str]:
+    def enrol(self, consent_version: int) -> tuple[str, str]:
         """A new anonymous installation: its id and its token, which the server shows only once."""
-        body = {"app": APP, "app_version": __version__, "consent_version": consent_version}
-        answer = self._call("POST", "/enrol", body=json.dumps(body).encode()).json()
+        body = msgspec.json.encode(Enrolment(APP, __version__, consent_version))
+        answer = self._call("POST", "/enrol", body=body).json()
         try:
             return str(answer["installation_id"]), str(answer["token"])
         except KeyError as error:

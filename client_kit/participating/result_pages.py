@@ -69,7 +69,7 @@ def _show_place(
 ) -> None:
     name, speedup = own
     try:
-        crowd = server.speedups(str(asked.front_version), name)
+        crowd = server.speedups(asked.front_version, name)
         console.say(summary.rank_line(crowd, speedup, device, backend))
     except (ServerError, KeyError, TypeError, ValueError) as error:
         console.say(f"The rank among other devices could not be requested: {error}")

@@ -18,20 +18,7 @@ const PLAUSIBLE = 0.95;
 /**
  * A run as the protocol sends it (docs/data/protocol.md). `deviation` is absent from a failed run, `stages_us` where no
  * clock measured the stages.
- * @typedef {object} Run
- * @property {string} id
- * @property {string} configuration
- * @property {number} repeat
- * @property {number} order
- * @property {"ok" | "failed"} status
- * @property {string | null} failure
- * @property {number[]} frame_us
- * @property {Record<string, number[]>} [stages_us]
- * @property {(boolean | null)[]} tracked
- * @property {number | null} ate_max
- * @property {number | null} ate_mean
- * @property {number | null} ate_rmse
- * @property {number} [deviation]
+ * @typedef {import("./wire.d.ts").Run & {tracked: (boolean | null)[]}} Run
  */
 
 /**

@@ -160,6 +160,7 @@ export async function agreedTo(version) {
  * The body of POST /submissions (docs/data/protocol.md).
  * @param {Session} session
  * @param {SessionClock} clock
+ * @returns {import("./wire.d.ts").Submission}
  */
 export function payload({ id, startedAt, manifest, device, runs, blocksRepeated = 0 }, clock) {
   const { application, front_version, protocol, consent_version } = manifest;

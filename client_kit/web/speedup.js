@@ -63,8 +63,9 @@ export function stageSeconds(run, protocol) {
  */
 export function isValid(run, protocol, bands) {
   const band = bands[run.configuration];
-  const deviates = run.deviation !== undefined && band !== undefined && run.deviation > band;
-  return run.status === "ok" && run.ate_max !== null && run.ate_max < protocol.max_ate && !deviates;
+  const { ate_max = null, deviation = null } = run;
+  const deviates = deviation !== null && band !== undefined && deviation > band;
+  return run.status === "ok" && ate_max !== null && ate_max < protocol.max_ate && !deviates;
 }
 
 /**

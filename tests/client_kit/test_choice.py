@@ -161,7 +161,7 @@ def chosen(home: Home, spool: Spool, serve: Serve, terminal: Terminal) -> Choosi
     def choosing(answer: Reply, *options: str, others: tuple[str, ...] = ()) -> tuple[str, list[Request]]:
         server = serve(lambda _: answer)
         home.write("manifest-1.json", {"server": server.url, "manifest": manifests.manifest()})
-        installation = {"installation_id": "me", "token": "secret", "erase": False, "not_before": 0.0}
+        installation = {"server": server.url, "installation_id": "me", "token": "secret", "erase": False}
         home.write("installations.json", {server.url: [installation]})
         for name in (*others, "this device"):
             spool.put(server.url, session(DEFAULT) | {"device": {"opencl_device": name}})
