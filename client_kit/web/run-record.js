@@ -1,10 +1,9 @@
 /** The record of a run, and when a run has failed (client_kit/measuring/run_record.py). */
 
+import { MOST_LOST } from "./constants.js";
 import { nextNumber, tracks } from "./plan.js";
 import { absoluteTrajectoryError, deviation, positionOf } from "./trajectory.js";
 
-// A run that has lost the camera in more of its frames than this is a failure, however fast it was.
-const MOST_LOST = 0.5;
 const MICROSECONDS = 1e6;
 // Chromium rounds timestamps to so many seconds.
 const TIMESTAMP_QUANTUM = 65536e-9;

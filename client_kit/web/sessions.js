@@ -3,11 +3,11 @@
  * answer. A finished run is on disk before the next one starts.
  */
 
+import { SCHEMA_VERSION } from "./constants.js";
 import * as database from "./database.js";
 import { plannedRuns } from "./schedule.js";
 import { VERSION } from "./version.js";
 
-const SCHEMA_VERSION = 1;
 /** The lock of the tab that measures. */
 export const LOCK = "frontrunner-measuring";
 // After a longer rest the device is in another state than in the first runs.

@@ -1,4 +1,4 @@
-/* What travels, from the structs of `wire`. Written by docs/tools/wire_types.py: do not edit. */
+/* From the package `wire`. Written by docs/tools/wire_types.py: do not edit. */
 
 /** A configuration that this device is asked to measure, and the reason. */
 export interface Assignment {

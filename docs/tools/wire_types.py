@@ -1,4 +1,4 @@
-"""Writes client_kit/web/wire.d.ts, the types of the browser's client, from the structs of `wire`.
+"""Writes what the browser's client takes from `wire`: types (wire.d.ts) and constants (constants.js).
 
 python -m docs.tools.wire_types
 """
@@ -9,12 +9,26 @@ from typing import Any
 
 import msgspec
 
+from wire import protocol, session, session_statistics
 from wire.manifest import Manifest
 from wire.session import Enrolment, Submission
 
-FILE = Path(__file__).parents[2] / "client_kit/web/wire.d.ts"
-HEAD = "/* What travels, from the structs of `wire`. Written by docs/tools/wire_types.py: do not edit. */\n"
+WEB = Path(__file__).parents[2] / "client_kit/web"
+HEAD = "/* From the package `wire`. Written by docs/tools/wire_types.py: do not edit. */\n"
+CONSTANTS = {
+    protocol: ("LEAST_PAIRS", "MOST_LOST"),
+    session: ("SCHEMA_VERSION",),
+    session_statistics: ("LEAST_DEVIATION", "QUANTILES_95", "QUANTILES_99"),
+}
 OTHER_NAMES = {"integer": "number"}
+
+
+def constants() -> str:
+    """The content of constants.js."""
+    values = {name: getattr(module, name) for module, names in CONSTANTS.items() for name in names}
+    return f"{HEAD}\n" + "".join(
+        f"export const {name} = {json.dumps(values[name])};\n" for name in sorted(values)
+    )
 
 
 def declarations() -> str:
@@ -58,5 +72,8 @@ def _type(schema: dict[str, Any]) -> str:
             return OTHER_NAMES.get(kind, kind)
 
 
+FILES = {"constants.js": constants, "wire.d.ts": declarations}
+
 if __name__ == "__main__":
-    FILE.write_text(declarations(), encoding="utf-8")
+    for name, content in FILES.items():
+        (WEB / name).write_text(content(), encoding="utf-8")

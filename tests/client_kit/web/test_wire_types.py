@@ -1,7 +1,10 @@
-"""The types of the browser's client are those of the structs that travel."""
+"""The types and constants of the browser's client are those of the package `wire`."""
 
-from docs.tools.wire_types import FILE, declarations
+import pytest
+
+from docs.tools.wire_types import FILES, WEB
 
 
-def test_the_written_types_are_those_of_the_structs() -> None:
-    assert FILE.read_text(encoding="utf-8") == declarations(), "run: python -m docs.tools.wire_types"
+@pytest.mark.parametrize("name", FILES)
+def test_a_written_file_is_fresh(name: str) -> None:
+    assert (WEB / name).read_text(encoding="utf-8") == FILES[name](), "run: python -m docs.tools.wire_types"
