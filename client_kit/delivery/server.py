@@ -84,8 +84,8 @@ class Answer:
     def json(self) -> dict[str, Any]:
         """The body as a JSON object. Raises NotFrontrunnerError."""
         try:
-            document = json.loads(self.body)
-        except ValueError as error:
+            document = msgspec.json.decode(self.body)
+        except msgspec.DecodeError as error:
             raise NotFrontrunnerError(f"the answer is not JSON: {self.body[:60]!r}") from error
         if not isinstance(document, dict):
             raise NotFrontrunnerError(f"the answer is not a JSON object: {self.body[:60]!r}")

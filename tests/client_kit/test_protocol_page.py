@@ -171,7 +171,7 @@ def test_this_client_reads_what_the_page_says_of_probes() -> None:
 
     assert Manifest.parse(document).assigned == (Assignment(assigned["name"], assigned["why"]),)
     [best] = choice.predictions(EXAMPLES["recommendation"])
-    assert (best.name, best.ratio, best.low, best.high) == ("best", 9.1, 8.2, 10.1)
+    assert (best.configuration, best.ratio, best.low, best.high) == ("best", 9.1, 8.2, 10.1)
 
 
 @pytest.mark.parametrize(("example", "chip"), [("vulkan", "Mali-G715"), ("metal", "Apple A17 Pro")])
