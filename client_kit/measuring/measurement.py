@@ -34,7 +34,7 @@ MOST_BLOCKS_REPEATED = 2
 
 
 @dataclass(frozen=True)
-class Order:
+class Task:
     """What a session measures: the configurations of `plan`, one after another, over the pack at `sequence`.
 
     Each run is compared with its reference trajectory in `references`. Configurations in `impossible`, with
@@ -81,13 +81,13 @@ class Observer:
 
 
 def measure(
-    order: Order,
+    task: Task,
     device: Device,
     observer: Observer,
     root: Path = Path("/"),
     compiling_minutes: int = COMPILING_MINUTES,
 ) -> tuple[Session, bool]:
-    """Measure `order` on `device`; the session, and whether Ctrl-C ended it after its finished runs.
+    """Measure `task` on `device`; the session, and whether Ctrl-C ended it after its finished runs.
 
     An empty frame is measured first. Every configuration then runs over the protocol's warm-up frames, whose
     results are dropped: programs are compiled and clocks rise.
@@ -101,16 +101,16 @@ def measure(
     Raises CannotMeasureError when the device or the sequence cannot be used from the start, and
     KeyboardInterrupt when no run was finished.
     """
-    order.require_frames()
+    task.require_frames()
     with WorkerClient(
-        order.asked.application,
-        order.sequence,
+        task.asked.application,
+        task.sequence,
         device.label,
         device.backend,
         lambda what, done, total: observer.frame(what, done, total, None),
         compiling_minutes,
     ) as worker:
-        return SessionRunner(order, worker, device, observer, root).measure()
+        return SessionRunner(task, worker, device, observer, root).measure()
 
 
 def _disturbed_block(session: Session, protocol: Protocol) -> tuple[Run, ...]:
@@ -125,16 +125,16 @@ class SessionRunner:
     """Runs a session's configurations with a worker. Between frames it shows progress and samples sensors."""
 
     def __init__(
-        self, order: Order, worker: WorkerClient, device: Device, observer: Observer, root: Path
+        self, task: Task, worker: WorkerClient, device: Device, observer: Observer, root: Path
     ) -> None:
-        self._order, self._worker, self._observer = order, worker, observer
-        self._protocol = order.asked.protocol
+        self._task, self._worker, self._observer = task, worker, observer
+        self._protocol = task.asked.protocol
         self._sampler = Sampler(root)
         self._schedule = Schedule(self._protocol.rest_seconds)
-        self._hopeless = dict(order.impossible)  # configurations that are not tried again, with the reasons
+        self._hopeless = dict(task.impossible)  # configurations that are not tried again, with the reasons
         self._warm: set[str] = set()
         self._session = replace(
-            begin(order.asked, device.backend, device.threads), samples=self._sampler.samples
+            begin(task.asked, device.backend, device.threads), samples=self._sampler.samples
         )
 
     def measure(self) -> tuple[Session, bool]:
@@ -154,7 +154,7 @@ class SessionRunner:
         self._session = replace(self._session, **members)
 
     def _measure_plan(self) -> None:
-        plan = self._order.plan
+        plan = self._task.plan
         self._schedule.add(plan, self._protocol.frames)
         for order, name in enumerate(plan):
             if order:
@@ -199,7 +199,7 @@ class SessionRunner:
 
     def _warm_up_all(self) -> None:
         """Run each configuration over the warm-up frames; one that fails will not be tried again."""
-        names = [name for name in dict.fromkeys(self._order.plan) if name not in self._hopeless]
+        names = [name for name in dict.fromkeys(self._task.plan) if name not in self._hopeless]
         self._schedule.add(names, self._protocol.warmup_frames)
         for name in names:
             try:
@@ -226,10 +226,10 @@ class SessionRunner:
             self._schedule.end()
         if isinstance(outcome, Outcome):
             self._update(stage_clock=outcome.report["stage_clock"])
-        return recorded(name, repeat, order, outcome, self._order.references[name])
+        return recorded(name, repeat, order, outcome, self._task.references[name])
 
     def _label(self, name: str, order: int) -> str:
-        planned = len(self._order.plan)
+        planned = len(self._task.plan)
         return f"{name}, run {order + 1} of {planned}" if order < planned else f"{name}, measured again"
 
     def _warm_up(self, name: str) -> None:
@@ -248,7 +248,7 @@ class SessionRunner:
         self._schedule.begin()
         try:
             first = min(self._protocol.first_counted_frame, frames)
-            parameters = self._order.asked.by_name[name].parameters
+            parameters = self._task.asked.by_name[name].parameters
             return self._worker.measure(parameters, frames, first, between_frames)
         except BrokenError as error:
             self._hopeless[name] = str(error)
@@ -260,5 +260,5 @@ class SessionRunner:
 
     def _nothing_runs(self, reason: str) -> str:
         """Record and return the `reason` why no configuration is tried any more."""
-        self._hopeless = dict.fromkeys(self._order.asked.by_name, reason) | self._hopeless
+        self._hopeless = dict.fromkeys(self._task.asked.by_name, reason) | self._hopeless
         return reason

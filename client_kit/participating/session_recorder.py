@@ -15,7 +15,7 @@ from client_kit.device import preflight
 from client_kit.errors import CannotMeasureError
 from client_kit.home import Home
 from client_kit.measuring import measurement
-from client_kit.measuring.measurement import Observer, Order
+from client_kit.measuring.measurement import Observer, Task
 from client_kit.measuring.session import Run, Session, payload
 from client_kit.participating import result_pages, summary
 from slam.definitions import SYSTEMS
@@ -89,15 +89,14 @@ class SessionRecorder:
     ) -> tuple[Session, bool, Item]:
         """The session of `plan`, stored for sending, and whether it was ended early. Meanwhile its finished
         runs are stored as a draft; the lock keeps other processes from sending the draft."""
-        order = Order(
-            asked, plan, path, reference_trajectories.read(asked, self.home), self._impossible(asked, plan)
-        )
+        references = reference_trajectories.read(asked, self.home)
+        task = Task(asked, plan, path, references, self._impossible(asked, plan))
         storing = StoringObserver(self, asked)
         with self.home.only_one("measurement") as alone:
             if not alone:
                 raise CannotMeasureError("another client measures on this device: wait until it is done")
             done, interrupted = measurement.measure(
-                order, self.device, storing, self.root, self.compiling_minutes
+                task, self.device, storing, self.root, self.compiling_minutes
             )
             with interrupts.ignored():
                 return done, interrupted, storing.store(done)

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from client_kit.delivery.manifest import Manifest
 from client_kit.measuring import session
-from client_kit.measuring.measurement import Order
+from client_kit.measuring.measurement import Task
 from client_kit.measuring.session import Run, Session
 from wire.session import Sample
 
@@ -62,9 +62,9 @@ def measured(asked: Manifest, plan: tuple[str, ...] = (), seed: int = 0) -> Sess
     )
 
 
-def measure(order: Order, *_: Any) -> tuple[Session, bool]:
+def measure(task: Task, *_: Any) -> tuple[Session, bool]:
     """In place of `measurement.measure`."""
-    return measured(order.asked, order.plan), False
+    return measured(task.asked, task.plan), False
 
 
 def payload(asked: Manifest, seed: int = 0) -> dict[str, Any]:

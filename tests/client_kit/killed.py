@@ -24,7 +24,7 @@ from client_kit.delivery.spool import Spool
 from client_kit.device import preflight
 from client_kit.home import Home
 from client_kit.measuring import measurement
-from client_kit.measuring.measurement import Observer, Order
+from client_kit.measuring.measurement import Observer, Task
 from client_kit.measuring.session import Session
 from client_kit.participating import participation
 from client_kit.participating.participation import RunOptions
@@ -87,8 +87,8 @@ def states(home: Home) -> list[str]:
     return [item.state for item in spool.items() + spool.drafts()]
 
 
-def ready(order: Order, _device: Any, observer: Observer, *_: Any) -> tuple[Session, bool]:
-    whole = canned.measured(order.asked, order.plan)
+def ready(task: Task, _device: Any, observer: Observer, *_: Any) -> tuple[Session, bool]:
+    whole = canned.measured(task.asked, task.plan)
     for finished in range(1, len(whole.runs) + 1):
         observer.session(replace(whole, runs=whole.runs[:finished]))
     return whole, False

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.reference_trajectories import Positions
 from client_kit.measuring import measurement
-from client_kit.measuring.measurement import Observer, Order
+from client_kit.measuring.measurement import Observer, Task
 from client_kit.measuring.session import Run, Session
 from slam.datasets.formats import pack
 from slam.devices.choice import choose_device
@@ -83,9 +83,9 @@ def references(asked: Manifest) -> dict[str, Positions]:
     }
 
 
-def order(room: pack.Pack, asked: Manifest, plan: tuple[str, ...]) -> Order:
+def task(room: pack.Pack, asked: Manifest, plan: tuple[str, ...]) -> Task:
     """To measure `plan` over the room."""
-    return Order(asked, plan, room._chunks.folder, references(asked))
+    return Task(asked, plan, room._chunks.folder, references(asked))
 
 
 class Watched:
@@ -98,7 +98,7 @@ class Watched:
         self.runs: list[Run] = []
         self.frames: list[tuple[str, int, int, float | None]] = []
         observer = Calling(on_run=self.runs.append, on_frame=lambda *frame: self.frames.append(frame))
-        self.session, _ = measurement.measure(order(room, self.asked, self.PLAN), choose_device(), observer)
+        self.session, _ = measurement.measure(task(room, self.asked, self.PLAN), choose_device(), observer)
 
     def again(self, asked: Manifest, plan: tuple[str, ...] = ()) -> Session:
         """What was measured, as another session for `asked`, of the runs in `plan` or of its own plan."""
@@ -115,11 +115,11 @@ class Watched:
     def replayed(self) -> Iterator[None]:
         """Every measurement gives this session again, except what is known not to run on its device."""
 
-        def measure(order: Order, _: Any, observer: Observer, *__: Any) -> tuple[Session, bool]:
-            session = self.again(order.asked, order.plan)
+        def measure(task: Task, _: Any, observer: Observer, *__: Any) -> tuple[Session, bool]:
+            session = self.again(task.asked, task.plan)
             runs = list(session.runs)
             for place, run in enumerate(runs):
-                if reason := order.impossible.get(run.configuration):
+                if reason := task.impossible.get(run.configuration):
                     runs[place] = Run(
                         run.id, run.configuration, run.repeat, run.order, "failed", [], failure=reason
                     )

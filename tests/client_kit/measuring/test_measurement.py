@@ -81,7 +81,7 @@ def test_where_the_device_is_gone_nothing_is_measured(pack: Pack) -> None:
     asked, gone = Manifest.parse(room.manifest(pack)), replace(choose_device(), name="abacus")
 
     with pytest.raises(CannotMeasureError, match="no OpenCL device matches 'abacus"):
-        measure(room.order(pack, asked, asked.plan()), gone, Calling())
+        measure(room.task(pack, asked, asked.plan()), gone, Calling())
 
 
 @pytest.mark.slow
@@ -93,7 +93,7 @@ def test_a_sequence_that_cannot_serve_is_not_blamed_on_a_configuration(tmp_path:
     def refused(words: str, **protocol: int) -> None:
         asked = Manifest.parse({**document, "protocol": document["protocol"] | protocol})
         with pytest.raises(CannotMeasureError, match=words):
-            measure(room.order(pack, asked, ("default",)), choose_device(), Calling())
+            measure(room.task(pack, asked, ("default",)), choose_device(), Calling())
 
     refused("12 frames, the protocol measures 100", frames=100)
     last.write_bytes(last.read_bytes()[:-1])
@@ -120,7 +120,7 @@ def test_each_run_is_compared_with_its_reference_and_what_does_not_fit_fails(
     asked = Manifest.parse(document)
     plan = ("default", "best", "indivisible", "best", "default")
 
-    done, _ = measure(room.order(pack, asked, plan), devices[0], Calling())
+    done, _ = measure(room.task(pack, asked, plan), devices[0], Calling())
 
     assert [(run.configuration, run.status) for run in done.runs] == [
         ("default", "ok"), ("best", "ok"), ("indivisible", "failed"), ("best", "ok"), ("default", "ok"),

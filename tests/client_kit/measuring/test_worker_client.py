@@ -12,7 +12,7 @@ import pytest
 from client_kit.delivery.manifest import Manifest
 from client_kit.errors import CannotMeasureError
 from client_kit.measuring import measurement, worker_client
-from client_kit.measuring.measurement import Order, measure
+from client_kit.measuring.measurement import Task, measure
 from client_kit.measuring.session import Run, Session, payload
 from client_kit.measuring.worker_client import COMPILING_MINUTES, Outcome, Progress
 from tests.builders import manifests
@@ -77,8 +77,8 @@ def measured(
         "protocol": manifests.manifest()["protocol"] | (protocol or {}),
     }
     asked = Manifest.parse(manifests.manifest(**members))
-    order = Order(asked, plan, Path("sequence"), REFERENCES, impossible or {})
-    return measure(order, DEVICE, Calling(**calls), compiling_minutes=compiling_minutes)
+    task = Task(asked, plan, Path("sequence"), REFERENCES, impossible or {})
+    return measure(task, DEVICE, Calling(**calls), compiling_minutes=compiling_minutes)
 
 
 def session(*plan: str, **wishes: Any) -> Session:

@@ -19,7 +19,7 @@ from client_kit.device.preflight import Concern
 from client_kit.errors import UsageError
 from client_kit.home import Home
 from client_kit.measuring import measurement
-from client_kit.measuring.measurement import Observer, Order
+from client_kit.measuring.measurement import Observer, Task
 from client_kit.measuring.session import Session
 from client_kit.participating import participation, result_pages
 from tests.builders import manifests
@@ -35,8 +35,8 @@ pytestmark = pytest.mark.usefixtures("canned_measurement")
 def test_ctrl_c_keeps_what_is_finished_for_the_next_send(
     terminal: Terminal, counting: Counting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(order: Order, *_: Any) -> tuple[Session, bool]:
-        whole = canned.measured(order.asked, order.plan)
+    def interrupted(task: Task, *_: Any) -> tuple[Session, bool]:
+        whole = canned.measured(task.asked, task.plan)
         return replace(whole, runs=whole.runs[:3]), True
 
     monkeypatch.setattr(measurement, "measure", interrupted)
@@ -98,9 +98,9 @@ def test_a_crowd_that_cannot_be_asked_for_spoils_nothing(terminal: Terminal, cou
 def test_erased_while_it_measures_nothing_is_kept_or_sent(
     terminal: Terminal, counting: Counting, home: Home, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def erasing(order: Order, *_: Any) -> tuple[Session, bool]:
+    def erasing(task: Task, *_: Any) -> tuple[Session, bool]:
         assert Client(home=home.path).erase()
-        return canned.measure(order)
+        return canned.measure(task)
 
     monkeypatch.setattr(measurement, "measure", erasing)
 
@@ -114,8 +114,8 @@ def test_erased_while_it_measures_nothing_is_kept_or_sent(
 def test_erased_between_two_runs_the_session_ends_at_once(
     terminal: Terminal, counting: Counting, home: Home, spool: Spool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def erasing(order: Order, _: Any, observer: Observer, *__: Any) -> tuple[Session, bool]:
-        whole, _ = canned.measure(order)
+    def erasing(task: Task, _: Any, observer: Observer, *__: Any) -> tuple[Session, bool]:
+        whole, _ = canned.measure(task)
         observer.session(whole)
         assert [draft.id for draft in spool.drafts()] == [str(whole.id)]
         assert Client(home=home.path).erase()
