@@ -1,17 +1,20 @@
 """Which configuration of the published front to run on this device: the paper's run-time adaptation."""
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
 
+import msgspec
+
 from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.server import NotFrontrunnerError
 from client_kit.errors import CannotMeasureError
 from pareto.fronts import front
 from wire.front import DEFAULT
+from wire.recommendation import Point as Prediction
+from wire.recommendation import Recommendation
 
 MEASURED, PREDICTED = "measured here", "predicted by the crowd"
 SCALED = "scaled from the reference device"
@@ -35,21 +38,10 @@ class Point:
     high: float | None = None
 
 
-@dataclass(frozen=True)
-class Prediction:
-    """A configuration's speedup over the default on this device, as a server predicts it from the crowd's
-    measurements. `low` and `high` bound it with 95 % confidence; they and `ate_max` (m) may be unknown."""
-
-    name: str
-    parameters: Mapping[str, Any]
-    ratio: float
-    low: float | None
-    high: float | None
-    ate_max: float | None
-
-
 def points(
-    manifest: Manifest, payloads: Iterable[Mapping[str, Any]], predictions: Sequence[Prediction] = ()
+    manifest: Manifest,
+    payloads: Iterable[Mapping[str, Any]],
+    predictions: Sequence[Prediction] = (),
 ) -> list[Point]:
     """Every configuration of the front, and of `predictions`, with its known figures on this device.
 
@@ -65,7 +57,7 @@ def points(
     failures: Counter[str] = Counter()
     for run in _runs(manifest, payloads):
         name = run["configuration"]
-        if run["status"] != "ok" or run["ate_max"] is None or _deviates(manifest, run):
+        if run["status"] != "ok" or run.get("ate_max") is None or _deviates(manifest, run):
             failures[name] += 1
             continue
         counted = run["frame_us"][manifest.protocol.first_counted_frame :]
@@ -73,8 +65,8 @@ def points(
         errors.setdefault(name, []).append(run["ate_max"])
     reference = manifest.by_name[DEFAULT].predicted.runtime
     default = fmean(times[DEFAULT]) if DEFAULT in times else None
-    crowd = {one.name: one for one in predictions}
-    parameters = {one.name: one.parameters for one in predictions}
+    crowd = {one.configuration: one for one in predictions}
+    parameters = {one.configuration: one.parameters for one in predictions}
     parameters |= {name: configuration.parameters for name, configuration in manifest.by_name.items()}
     choices = []
     for name, values in parameters.items():
@@ -99,13 +91,13 @@ def points(
     return choices
 
 
-def predictions(recommendation: Mapping[str, Any]) -> list[Prediction]:
+def predictions(answer: Mapping[str, Any]) -> tuple[Prediction, ...]:
     """The predictions in a server's answer of GET /recommendation. Raises NotFrontrunnerError where it is
     malformed."""
     try:
-        return [_prediction(described) for described in recommendation["front"]]
-    except (KeyError, TypeError, ValueError) as error:
-        raise NotFrontrunnerError(f"the server's recommendation is malformed: {error!r}") from error
+        return msgspec.convert(answer, Recommendation).front
+    except msgspec.ValidationError as error:
+        raise NotFrontrunnerError(f"the server's recommendation is malformed: {error}") from error
 
 
 def of_one_device(payloads: Iterable[Mapping[str, Any]], text: str | None = None) -> list[Mapping[str, Any]]:
@@ -145,33 +137,16 @@ def device_of(payload: Mapping[str, Any]) -> tuple[str, str]:
     return str(device.get("opencl_device")), str(device.get("opencl_platform"))
 
 
-def _prediction(described: Mapping[str, Any]) -> Prediction:
-    ratio, low, high = (
-        None if described[member] is None else float(described[member]) for member in ("ratio", "low", "high")
-    )
-    if ratio is None or not all(value is None or 0 < value < math.inf for value in (ratio, low, high)):
-        raise ValueError(f"{described['configuration']} has the ratios {low}, {ratio}, {high}")
-    ate_max = described["ate_max"]
-    return Prediction(
-        str(described["configuration"]),
-        dict(described["parameters"]),
-        ratio,
-        low,
-        high,
-        None if ate_max is None else float(ate_max),
-    )
-
-
 def _predicted_point(prediction: Prediction, default: float, ate_max: float) -> Point:
     """`prediction` on a device whose default takes `default` seconds a frame."""
     return Point(
-        prediction.name,
+        prediction.configuration,
         prediction.parameters,
         default / prediction.ratio,
         ate_max,
         PREDICTED,
-        low=None if prediction.high is None else default / prediction.high,
-        high=None if prediction.low is None else default / prediction.low,
+        low=default / prediction.high,
+        high=default / prediction.low,
     )
 
 

@@ -16,9 +16,10 @@ from client_kit.home import Home
 from client_kit.measuring.worker_client import COMPILING_MINUTES
 from groundwork.folders import user_folder
 from wire.protocol import VALID_BELOW
+from wire.recommendation import Point as Prediction
 
 if TYPE_CHECKING:
-    from client_kit.choice import Point, Prediction
+    from client_kit.choice import Point
     from client_kit.participating.session_recorder import Measured
 
 # The longest sleep of `send(wait=True)` between two checks, since clocks may be set meanwhile.
@@ -188,7 +189,7 @@ class Client:
         measured = self._measured_on(device)
         # The server identifies the device of the last session by this client's token.
         is_last = measured[-1:] == self._measured_on(None)[-1:]
-        predictions = self._predictions(server, front) if measured and is_last else []
+        predictions = self._predictions(server, front) if measured and is_last else ()
         points = choice.points(front, measured, predictions)
         return choice.choose(points, max_ate, None if max_ms is None else max_ms / 1000)
 
@@ -222,7 +223,7 @@ class Client:
         [((server, _), manifest)] = manifests.items()
         return server, manifest
 
-    def _predictions(self, address: str, front: Manifest) -> "list[Prediction]":
+    def _predictions(self, address: str, front: Manifest) -> tuple[Prediction, ...]:
         """The server's predictions for this device, without limits; empty where it does not answer."""
         from client_kit import choice
 
@@ -231,7 +232,7 @@ class Client:
         try:
             return choice.predictions(server.recommendation(front.application, token))
         except (ServerError, OutdatedError):
-            return []
+            return ()
 
     def _measured_on(self, device: str | None) -> list[Mapping[str, Any]]:
         from client_kit import choice

@@ -1,5 +1,7 @@
 """The protocol of a measurement: which frames count, and which trajectories are valid."""
 
+from typing import Final
+
 FIRST_COUNTED_FRAME = 10  # the first frames fill the model and the caches
 FIRST_STOP = 25  # frames after which a run may end early: 15 counted ones give the time
 MOST_CHANGE = 0.05  # by how much the mean time of a whole run may be below that at FIRST_STOP
@@ -21,5 +23,5 @@ SHORTEST_FRAME_US = 50.0
 SKIPPED_TOLERANCE = 0.10
 # Stages and frames are timed separately: they may differ by this factor and so much a frame.
 STAGE_TOLERANCE, STAGE_SLACK_US = 1.05, 50.0
-NO_STAGES = "none"  # the `stage_clock` where nothing measured the stages
+NO_STAGES: Final = "none"  # the `stage_clock` where nothing measured the stages
 MOST_RUNS = 50  # of a session, and of a submission

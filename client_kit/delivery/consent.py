@@ -32,7 +32,7 @@ Consent {version}.
 """
 
 
-def text(server: str, version: str | int, sequence_bytes: int, sample: Mapping[str, Any]) -> str:
+def text(server: str, version: int, sequence_bytes: int, sample: Mapping[str, Any]) -> str:
     """The consent text, with `sample` as an example of this device's payload."""
     document = json.dumps(sample, indent=2, ensure_ascii=False)
     # Lists of numbers on one line each, for readability.
@@ -45,13 +45,13 @@ def text(server: str, version: str | int, sequence_bytes: int, sample: Mapping[s
     )
 
 
-def is_agreed(home: Home, server: str, version: str | int) -> bool:
+def is_agreed(home: Home, server: str, version: int) -> bool:
     """Whether this version was agreed to for this server."""
     agreed = home.read(_DOCUMENT).get(server)
     return agreed is not None and agreed["version"] == version
 
 
-def remember(home: Home, server: str, version: str | int) -> None:
+def remember(home: Home, server: str, version: int) -> None:
     """Record that the participant agrees."""
     agreed = {"version": version, "at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())}
     home.write(_DOCUMENT, {**home.read(_DOCUMENT), server: agreed})

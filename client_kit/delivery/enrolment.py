@@ -5,8 +5,7 @@ own installation on a server.
 """
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import asdict, dataclass, replace
 
 from client_kit.delivery.server import LONGEST_WAIT_SECONDS, ProblemError, Server
 from client_kit.home import Home
@@ -36,11 +35,7 @@ class Enrolment:
 
 def all_enrolments(home: Home) -> list[Enrolment]:
     """All installations of this client; of those on one server, the one that is used first."""
-    return [
-        Enrolment(server, d["installation_id"], d["token"], d["erase"], d["not_before"])
-        for server, documents in home.read(_DOCUMENT).items()
-        for d in documents
-    ]
+    return [Enrolment(**document) for documents in home.read(_DOCUMENT).values() for document in documents]
 
 
 def current_token(home: Home, server: Server) -> str | None:
@@ -48,7 +43,7 @@ def current_token(home: Home, server: Server) -> str | None:
     return next(iter(_tokens(home, server)), None)
 
 
-def token(home: Home, server: Server, consent_version: str | int, another_than: Collection[str] = ()) -> str:
+def token(home: Home, server: Server, consent_version: int, another_than: Collection[str] = ()) -> str:
     """The token for a server, after enrolling there if necessary. Raises the server's errors.
 
     `another_than`: tokens of installations that belong to other devices. Pending erasures are delivered
@@ -155,15 +150,6 @@ def _but(home: Home, enrolment: Enrolment) -> list[Enrolment]:
 
 def _write(home: Home, server: str, enrolments: Iterable[Enrolment]) -> None:
     """Store exactly `enrolments` for `server`, the one that is used first in front."""
-    documents = [_document(enrolment) for enrolment in enrolments]
+    documents = [asdict(enrolment) for enrolment in enrolments]
     content = {address: others for address, others in home.read(_DOCUMENT).items() if address != server}
     home.write(_DOCUMENT, content | ({server: documents} if documents else {}))
-
-
-def _document(enrolment: Enrolment) -> dict[str, Any]:
-    return {
-        "installation_id": enrolment.installation_id,
-        "token": enrolment.token,
-        "erase": enrolment.erase,
-        "not_before": enrolment.not_before,
-    }

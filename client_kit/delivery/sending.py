@@ -172,7 +172,7 @@ def renew_tokens(home: Home, on_renewed: Callable[[str], None] | None = None) ->
     return renewed
 
 
-def renew(spool: Spool, home: Home, server: str, version: str | int) -> None:
+def renew(spool: Spool, home: Home, server: str, version: int) -> None:
     """Mark sessions waiting for `server` as agreed to `version` of the consent text.
 
     Nothing happens while another process sends: the next `run` renews it.

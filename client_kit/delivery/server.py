@@ -24,6 +24,7 @@ from client_kit import APP
 from client_kit.errors import ClientError, OutdatedError, UsageError
 from groundwork import __version__
 from wire.lease import LEASE_VERSION, LeaseRequest
+from wire.session import Enrolment
 
 TIMEOUT_SECONDS = 30.0
 LARGEST_ANSWER = 4 * 2**20
@@ -81,8 +82,8 @@ class Answer:
     def json(self) -> dict[str, Any]:
         """The body as a JSON object. Raises NotFrontrunnerError."""
         try:
-            document = json.loads(self.body)
-        except ValueError as error:
+            document = msgspec.json.decode(self.body)
+        except msgspec.DecodeError as error:
             raise NotFrontrunnerError(f"the answer is not JSON: {self.body[:60]!r}") from error
         if not isinstance(document, dict):
             raise NotFrontrunnerError(f"the answer is not a JSON object: {self.body[:60]!r}")
@@ -133,10 +134,10 @@ class Server:
         query = urllib.parse.urlencode({"application": application})
         return self._call("GET", f"/recommendation?{query}", token=token).json()
 
-    def enrol(self, consent_version: str | int) -> tuple[str, str]:
+    def enrol(self, consent_version: int) -> tuple[str, str]:
         """A new anonymous installation: its id and its token, which the server shows only once."""
-        body = {"app": APP, "app_version": __version__, "consent_version": consent_version}
-        answer = self._call("POST", "/enrol", body=json.dumps(body).encode()).json()
+        body = msgspec.json.encode(Enrolment(APP, __version__, consent_version))
+        answer = self._call("POST", "/enrol", body=body).json()
         try:
             return str(answer["installation_id"]), str(answer["token"])
         except KeyError as error:

@@ -5,9 +5,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypedDict
 
 from client_kit.device.sources import number, word
+from wire.session import Sample
 
 PLAUSIBLE_CELSIUS = (-40.0, 150.0)
 # Qualcomm's kernels have zones for the battery's charge (soc, percent), voltage and current, which are not
@@ -16,15 +16,6 @@ NO_TEMPERATURE = re.compile(r"soc$|.*(vbat|ibat|bcl)", re.IGNORECASE)
 LOW_POLICY = "low_limits"
 INTERVAL_SECONDS = 1.0
 LOW_BATTERY_PERCENT = 20.0
-
-
-class Sample(TypedDict):
-    """One reading: t in seconds from the session's start, degrees Celsius, MHz, battery in percent."""
-
-    t: float
-    temperature_c: float | None
-    cpu_mhz: float | None
-    battery: float | None
 
 
 @dataclass(frozen=True)
@@ -96,11 +87,5 @@ class Sampler:
             return
         self._last = now
         charge = battery(self.root)
-        self.samples.append(
-            {
-                "t": round(now - self._started, 3),
-                "temperature_c": temperature(self.root),
-                "cpu_mhz": clock(self.root),
-                "battery": charge.percent if charge else None,
-            }
-        )
+        seconds, percent = round(now - self._started, 3), charge.percent if charge else None
+        self.samples.append(Sample(seconds, temperature(self.root), clock(self.root), percent))

@@ -4,10 +4,12 @@ What other programs disturbed is measured again at the end.
 """
 
 import time
-import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from msgspec.structs import replace
 
 from client_kit.delivery.manifest import Manifest, Protocol
 from client_kit.delivery.reference_trajectories import Positions
@@ -16,7 +18,7 @@ from client_kit.errors import CannotMeasureError
 from client_kit.measuring import reasons
 from client_kit.measuring.run_record import recorded
 from client_kit.measuring.schedule import Schedule
-from client_kit.measuring.session import MICROSECONDS, Run, Session
+from client_kit.measuring.session import MICROSECONDS, Run, Session, begin
 from client_kit.measuring.worker_client import (
     COMPILING_MINUTES,
     BrokenError,
@@ -27,147 +29,157 @@ from client_kit.measuring.worker_client import (
 )
 from slam.datasets import SequenceError, open_sequence
 from slam.devices.device import Device
-from wire.protocol import NO_STAGES
 
 MOST_BLOCKS_REPEATED = 2
-# The configuration, frames done, frames in total, seconds until the session ends (None: unknown).
-OnFrame = Callable[[str, int, int, float | None], None]
 
 
-def _nothing(*_: Any) -> None:
-    """In place of an optional callback."""
+@dataclass(frozen=True)
+class Task:
+    """What a session measures: the configurations of `plan`, one after another, over the pack at `sequence`.
+
+    Each run is compared with its reference trajectory in `references`. Configurations in `impossible`, with
+    their reasons, are not tried.
+    """
+
+    asked: Manifest
+    plan: tuple[str, ...]
+    sequence: Path
+    references: Mapping[str, Positions]
+    impossible: Mapping[str, str] = field(default_factory=dict)
+
+    def require_frames(self) -> None:
+        """Raises CannotMeasureError when the sequence cannot be read or is too short."""
+        try:
+            frames = len(open_sequence(self.sequence))
+        except SequenceError as error:
+            raise CannotMeasureError(str(error)) from error
+        if frames < self.asked.protocol.frames:
+            raise CannotMeasureError(
+                f"the sequence has {frames} frames, the protocol measures {self.asked.protocol.frames}: "
+                "the server's manifest is wrong"
+            )
+
+
+class Observer:
+    """Follows a session; each method is called outside of the measured time. This one shows nothing."""
+
+    def frame(self, label: str, done: int, total: int, left: float | None) -> None:
+        """A step of what `label` names is done; `left`: seconds until the session ends, None if unknown."""
+
+    def run(self, run: Run) -> None:
+        """A run has finished."""
+
+    def session(self, session: Session) -> None:
+        """A run or a repeated block has finished: the session so far, which must not be lost."""
+
+    def contention(self) -> None:
+        """Other programs disturbed a block of runs: it is measured again."""
+
+    def rest(self, seconds: float) -> None:
+        """Wait before the next run."""
+        time.sleep(seconds)
 
 
 def measure(
-    sequence: Path,
-    manifest: Manifest,
-    plan: tuple[str, ...],
+    task: Task,
     device: Device,
-    *,
-    references: Mapping[str, Positions],
-    impossible: Mapping[str, str] | None = None,
-    on_run: Callable[[Run], None] = _nothing,
-    keep: Callable[[Session], None] = _nothing,
-    on_frame: OnFrame = _nothing,
-    on_contention: Callable[[], None] = _nothing,
-    rest: Callable[[float], None] = time.sleep,
+    observer: Observer,
     root: Path = Path("/"),
     compiling_minutes: int = COMPILING_MINUTES,
-) -> Session:
-    """Measure the configurations of `plan` on `device`, one after another, over the pack at `sequence`.
+) -> tuple[Session, bool]:
+    """Measure `task` on `device`; the session, and whether Ctrl-C ended it after its finished runs.
 
     An empty frame is measured first. Every configuration then runs over the protocol's warm-up frames, whose
-    results are dropped: programs are compiled and clocks rise. Each run is compared with its reference
-    trajectory in `references`.
+    results are dropped: programs are compiled and clocks rise.
 
     A configuration that fails on this device is recorded with its reason, even if it ends or hangs the
     measuring process, and the others go on. Its driver may compile for `compiling_minutes` without an answer.
-    A block of runs (each configuration forwards and back) of which
-    other programs disturbed one is measured again, at most MOST_BLOCKS_REPEATED times in a session; what it
-    replaces is dropped. Those in `impossible`, with their reasons, are not tried. If the
-    device is lost, the remaining runs fail with that reason, and the finished runs stay. Ctrl-C ends the
-    session, which keeps its finished runs. After every finished run, `keep` is called with the session so
-    far, then `on_run` with the run. All callbacks are called outside of the measured time.
+    A block of runs (each configuration forwards and back) of which other programs disturbed one is measured
+    again, at most MOST_BLOCKS_REPEATED times in a session; what it replaces is dropped. If the device is
+    lost, the remaining runs fail with that reason, and the finished runs stay.
 
     Raises CannotMeasureError when the device or the sequence cannot be used from the start, and
     KeyboardInterrupt when no run was finished.
     """
-    protocol = manifest.protocol
-    try:
-        frames = len(open_sequence(sequence))
-    except SequenceError as error:
-        raise CannotMeasureError(str(error)) from error
-    if frames < protocol.frames:
-        raise CannotMeasureError(
-            f"the sequence has {frames} frames, the protocol measures {protocol.frames}: "
-            "the server's manifest is wrong"
-        )
-    started_at = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-    session_id = str(uuid.uuid4())
-    runs: list[Run] = []
-    interrupted, blocks_repeated = False, 0
-
-    def preparing(what: str, done: int, total: int) -> None:
-        on_frame(what, done, total, None)
-
+    task.require_frames()
     with WorkerClient(
-        manifest.application, sequence, device.label, device.backend, preparing, compiling_minutes
+        task.asked.application,
+        task.sequence,
+        device.label,
+        device.backend,
+        lambda what, done, total: observer.frame(what, done, total, None),
+        compiling_minutes,
     ) as worker:
-        runner = SessionRunner(worker, manifest, plan, references, impossible or {}, on_frame, root)
-
-        def session() -> Session:
-            return Session(
-                session_id,
-                started_at,
-                device.backend,
-                tuple(runs),
-                tuple(runner.sampler.samples),
-                empty_frame_us,
-                runner.stage_clock,
-                interrupted,
-                blocks_repeated,
-                device.threads,
-                device.kind == "cpu",
-            )
-
-        try:
-            empty_frame_us = runner.empty_frame_us()
-            runner.warm_up()
-            runner.schedule.add(plan, protocol.frames)
-            for order, name in enumerate(plan):
-                if runs:
-                    rest(protocol.rest_seconds)
-                runs.append(runner.run(name, plan[:order].count(name), order))
-                keep(session())
-                on_run(runs[-1])
-            while blocks_repeated < MOST_BLOCKS_REPEATED and (block := _disturbed_block(session(), protocol)):
-                on_contention()
-                runner.schedule.add([run.configuration for run in block], protocol.frames)
-                again: list[Run] = []
-                for order, run in enumerate(block, start=max(run.order for run in runs) + 1):
-                    rest(protocol.rest_seconds)
-                    again.append(runner.run(run.configuration, run.repeat, order))
-                    on_run(again[-1])
-                runs[:] = [run for run in runs if run not in block] + again
-                blocks_repeated += 1
-                keep(session())
-        except KeyboardInterrupt:
-            if not runs:
-                raise
-            interrupted = True
-        return session()
+        return SessionRunner(task, worker, device, observer, root).measure()
 
 
-def _disturbed_block(session: Session, protocol: Protocol) -> list[Run]:
+def _disturbed_block(session: Session, protocol: Protocol) -> tuple[Run, ...]:
     """The first block of the runs of `session` that other programs disturbed; empty without one."""
     disturbed = {run.id for run in session.contended(protocol)}
     size = 2 * len({run.configuration for run in session.runs})
     blocks = [session.runs[start : start + size] for start in range(0, len(session.runs), size)]
-    return next((list(block) for block in blocks if any(run.id in disturbed for run in block)), [])
+    return next((block for block in blocks if any(run.id in disturbed for run in block)), ())
 
 
 class SessionRunner:
     """Runs a session's configurations with a worker. Between frames it shows progress and samples sensors."""
 
     def __init__(
-        self,
-        worker: WorkerClient,
-        manifest: Manifest,
-        plan: tuple[str, ...],
-        references: Mapping[str, Positions],
-        impossible: Mapping[str, str],
-        on_frame: OnFrame,
-        root: Path,
+        self, task: Task, worker: WorkerClient, device: Device, observer: Observer, root: Path
     ) -> None:
-        self.sampler = Sampler(root)
-        self.schedule = Schedule(manifest.protocol.rest_seconds)
-        self.stage_clock = NO_STAGES  # until a report names their clock
-        self._worker, self._manifest, self._plan, self._on_frame = worker, manifest, plan, on_frame
-        self._references = references
-        self._hopeless = dict(impossible)  # configurations that are not tried again, with the reasons
+        self._task, self._worker, self._observer = task, worker, observer
+        self._protocol = task.asked.protocol
+        self._sampler = Sampler(root)
+        self._schedule = Schedule(self._protocol.rest_seconds)
+        self._hopeless = dict(task.impossible)  # configurations that are not tried again, with the reasons
         self._warm: set[str] = set()
+        begun = begin(task.asked, device.backend, device.threads, device.kind == "cpu")
+        self._session = replace(begun, samples=self._sampler.samples)
 
-    def empty_frame_us(self) -> float:
+    def measure(self) -> tuple[Session, bool]:
+        """Measure the session, as the function `measure`."""
+        try:
+            self._update(empty_frame_us=self._empty_frame_us())
+            self._warm_up_all()
+            self._measure_plan()
+            self._measure_disturbed_again()
+        except KeyboardInterrupt:
+            if not self._session.runs:
+                raise
+            return self._session, True
+        return self._session, False
+
+    def _update(self, **members: Any) -> None:
+        self._session = replace(self._session, **members)
+
+    def _measure_plan(self) -> None:
+        plan = self._task.plan
+        self._schedule.add(plan, self._protocol.frames)
+        for order, name in enumerate(plan):
+            if order:
+                self._observer.rest(self._protocol.rest_seconds)
+            run = self._run(name, plan[:order].count(name), order)
+            self._update(runs=(*self._session.runs, run))
+            self._observer.session(self._session)
+            self._observer.run(run)
+
+    def _measure_disturbed_again(self) -> None:
+        for repeated in range(1, MOST_BLOCKS_REPEATED + 1):
+            runs = self._session.runs
+            block = _disturbed_block(self._session, self._protocol)
+            if not block:
+                return
+            self._observer.contention()
+            self._schedule.add([run.configuration for run in block], self._protocol.frames)
+            again: list[Run] = []
+            for order, run in enumerate(block, start=max(run.order for run in runs) + 1):
+                self._observer.rest(self._protocol.rest_seconds)
+                again.append(self._run(run.configuration, run.repeat, order))
+                self._observer.run(again[-1])
+            self._update(runs=(*(run for run in runs if run not in block), *again), blocks_repeated=repeated)
+            self._observer.session(self._session)
+
+    def _empty_frame_us(self) -> float:
         """The cost of an empty frame.
 
         If the process breaks, it is measured once more in another process. Raises CannotMeasureError if that
@@ -184,21 +196,21 @@ class SessionRunner:
             raise CannotMeasureError(f"nothing can be measured here: {error}") from error
         return seconds * MICROSECONDS
 
-    def warm_up(self) -> None:
+    def _warm_up_all(self) -> None:
         """Run each configuration over the warm-up frames; one that fails will not be tried again."""
-        names = [name for name in dict.fromkeys(self._plan) if name not in self._hopeless]
-        self.schedule.add(names, self._manifest.protocol.warmup_frames)
+        names = [name for name in dict.fromkeys(self._task.plan) if name not in self._hopeless]
+        self._schedule.add(names, self._protocol.warmup_frames)
         for name in names:
             try:
                 self._warm_up(name)
             except FailedError as error:
                 self._hopeless[name] = str(error)
             finally:
-                self.schedule.end()
+                self._schedule.end()
 
-    def run(self, name: str, repeat: int, order: int) -> Run:
+    def _run(self, name: str, repeat: int, order: int) -> Run:
         """Measure one configuration, its run `repeat` and run `order` of the session."""
-        frames = self._manifest.protocol.frames
+        frames = self._protocol.frames
         try:
             if name not in self._warm:  # the process with its warm-up is gone
                 self._warm_up(name)
@@ -210,33 +222,32 @@ class SessionRunner:
                 raise
             outcome = self._nothing_runs(reasons.public_line(str(error)))
         finally:
-            self.schedule.end()
+            self._schedule.end()
         if isinstance(outcome, Outcome):
-            self.stage_clock = outcome.report["stage_clock"]
-        configuration = self._manifest.by_name[name]
-        return recorded(configuration, repeat, order, outcome, self._references[name])
+            self._update(stage_clock=outcome.report["stage_clock"])
+        return recorded(name, repeat, order, outcome, self._task.references[name])
 
     def _label(self, name: str, order: int) -> str:
-        planned = len(self._plan)
+        planned = len(self._task.plan)
         return f"{name}, run {order + 1} of {planned}" if order < planned else f"{name}, measured again"
 
     def _warm_up(self, name: str) -> None:
-        frames = self._manifest.protocol.warmup_frames
+        frames = self._protocol.warmup_frames
         if frames:
             self._over(name, frames, f"warm-up, {name}")
         self._warm.add(name)
 
     def _over(self, name: str, frames: int, label: str) -> Outcome:
         def between_frames(done: int, total: int) -> None:
-            self.sampler.sample()
-            self._on_frame(label, done, total, self.schedule.left(done))
+            self._sampler.sample()
+            self._observer.frame(label, done, total, self._schedule.left(done))
 
         if name in self._hopeless:
             raise FailedError(self._hopeless[name])
-        self.schedule.begin()
+        self._schedule.begin()
         try:
-            first = min(self._manifest.protocol.first_counted_frame, frames)
-            parameters = self._manifest.by_name[name].parameters
+            first = min(self._protocol.first_counted_frame, frames)
+            parameters = self._task.asked.by_name[name].parameters
             return self._worker.measure(parameters, frames, first, between_frames)
         except BrokenError as error:
             self._hopeless[name] = str(error)
@@ -248,5 +259,5 @@ class SessionRunner:
 
     def _nothing_runs(self, reason: str) -> str:
         """Record and return the `reason` why no configuration is tried any more."""
-        self._hopeless = dict.fromkeys(self._manifest.by_name, reason) | self._hopeless
+        self._hopeless = dict.fromkeys(self._task.asked.by_name, reason) | self._hopeless
         return reason

@@ -1,57 +1,41 @@
-"""The record of a measuring session, its results, and its payload."""
+"""A measuring session and its results."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import uuid
+from collections.abc import Mapping
+from datetime import UTC, datetime
 from statistics import fmean
-from typing import Any
+from typing import Any, cast
 
+import msgspec
 import numpy as np
 
 from client_kit.delivery.manifest import Manifest, Protocol
-from client_kit.device.sensors import Sample
 from groundwork import __version__
+from wire import session as declared
 from wire import session_statistics
+from wire.front import DEFAULT
 from wire.protocol import NO_STAGES
+from wire.session import MAX_SAMPLES, SCHEMA_VERSION, Backend, Submission
 from wire.session_statistics import RunTime, Speedup
 
-SCHEMA_VERSION = 1
-MOST_SAMPLES = 5_000
 MICROSECONDS = 1e6
 
 
-@dataclass(frozen=True)
-class Run:
-    """One configuration over the sequence. Times in microseconds, a value a frame; errors in metres.
+class Run(declared.Run, frozen=True):
+    """One configuration over the sequence, with a value a frame in each list.
 
     `repeat` counts the runs of this configuration in the session, `order` all runs, both from 0. A failed run
     has its reason in `failure`, and times and errors only if it reached the end of the sequence.
     `cpu_us` and `waited_us` are of the counted frames, see `processor_time`.
-    `deviation` is the largest distance (m) from the reference trajectory, `band` the largest that counts.
-    Both are None for a failed run.
     """
 
-    id: str
-    configuration: str
-    repeat: int
-    order: int
-    status: str
-    failure: str | None = None
-    frame_us: tuple[int, ...] = ()
-    stages_us: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    tracked: tuple[bool | None, ...] = ()
-    ate_max: float | None = None
-    ate_mean: float | None = None
-    ate_rmse: float | None = None
-    cpu_us: int | None = None
-    waited_us: int | None = None
-    deviation: float | None = None
-    band: float | None = None
+    stages_us: dict[str, list[int]] = {}
+    tracked: list[bool | None] = []
 
-    @property
-    def deviates(self) -> bool:
+    def deviates(self, asked: Manifest) -> bool:
         """Whether it left the band around its reference trajectory."""
-        return self.deviation is not None and self.band is not None and self.deviation > self.band
+        return self.deviation is not None and self.deviation > asked.by_name[self.configuration].band
 
     def mean_seconds(self, protocol: Protocol) -> float:
         """The run's value: the arithmetic mean over the frames that count.
@@ -80,33 +64,17 @@ class Run:
         first = protocol.first_counted_frame
         return {stage: fmean(series[first:]) / MICROSECONDS for stage, series in self.stages_us.items()}
 
-    def valid(self, protocol: Protocol) -> bool:
+    def valid(self, asked: Manifest) -> bool:
         """Whether its speed counts: it ran, and its trajectory stayed within the limits."""
-        accurate = self.ate_max is not None and self.ate_max < protocol.max_ate
-        return self.status == "ok" and accurate and not self.deviates
+        accurate = self.ate_max is not None and self.ate_max < asked.protocol.max_ate
+        return self.status == "ok" and accurate and not self.deviates(asked)
 
 
-@dataclass(frozen=True)
-class Session:
-    """The runs of one session on one device, with samples of its state.
+class Session(declared.Session, frozen=True):
+    """The runs of one session on one device, with samples of its state. `on_processor`: no graphics chip
+    computed; the server finds that out by itself."""
 
-    `interrupted`: it was ended early; its finished runs are complete.
-    `stage_clock` measured the stages: "device", "wall" or NO_STAGES. `empty_frame_us` is the cost of an empty
-    frame. `blocks_repeated`: how often runs were measured again because other programs disturbed them.
-    `threads` executed all runs over WebAssembly; None over other backends. `on_processor`: no graphics chip
-    computed.
-    """
-
-    id: str
-    started_at: str
-    backend: str
     runs: tuple[Run, ...]
-    samples: tuple[Sample, ...]
-    empty_frame_us: float
-    stage_clock: str
-    interrupted: bool = False
-    blocks_repeated: int = 0
-    threads: int | None = None
     on_processor: bool = False
 
     def of(self, configuration: str) -> list[Run]:
@@ -122,10 +90,10 @@ class Session:
             disturbed += [run for run, is_so in zip(runs, each, strict=True) if is_so]
         return disturbed
 
-    def speedup(self, configuration: str, protocol: Protocol, baseline: str = "default") -> Speedup | None:
+    def speedup(self, configuration: str, asked: Manifest, baseline: str = DEFAULT) -> Speedup | None:
         """The speedup over the baseline, as the server computes it. None without a pair of valid runs."""
         base, own = (
-            {run.repeat: run.time(protocol) for run in self.of(name) if run.valid(protocol)}
+            {run.repeat: run.time(asked.protocol) for run in self.of(name) if run.valid(asked)}
             for name in (baseline, configuration)
         )
         return session_statistics.compare(base, own, self.on_processor)
@@ -136,56 +104,37 @@ class Session:
         return session_statistics.drift([run.mean_seconds(protocol) for run in good])
 
 
+def begin(asked: Manifest, backend: str, threads: int | None, on_processor: bool = False) -> Session:
+    """A session that begins now, without runs; `threads` execute its runs over WebAssembly."""
+    return Session(
+        id=uuid.uuid4(),
+        started_at=datetime.now(UTC).replace(microsecond=0),
+        application=asked.application,
+        front_version=asked.front_version,
+        protocol_version=asked.protocol.version,
+        backend=cast(Backend, backend),
+        runs=(),
+        stage_clock=NO_STAGES,  # until a report names their clock
+        threads=threads,
+        blocks_repeated=0,
+        samples=[],
+        on_processor=on_processor,
+    )
+
+
 def payload(
-    session: Session, manifest: Manifest, device: Mapping[str, str | None], show_model: bool | None = None
+    session: Session, asked: Manifest, device: Mapping[str, str | None], show_model: bool | None = None
 ) -> dict[str, Any]:
-    """The body of POST /submissions for one session; `show_model` is sent where it is not None."""
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "app_version": __version__,
-        "consent_version": manifest.consent_version,
-        **({} if show_model is None else {"show_model": show_model}),
-        "device": dict(device),
-        "sessions": [
-            {
-                "id": session.id,
-                "started_at": session.started_at,
-                "application": manifest.application,
-                "front_version": manifest.front_version,
-                "protocol_version": manifest.protocol.version,
-                "backend": session.backend,
-                **({} if session.threads is None else {"threads": session.threads}),
-                "empty_frame_us": session.empty_frame_us,
-                "stage_clock": session.stage_clock,
-                "blocks_repeated": session.blocks_repeated,
-                "samples": [dict(sample) for sample in _thinned(session.samples)],
-                "runs": [_document(run, session.stage_clock) for run in session.runs],
-            }
-        ],
-    }
-
-
-def _thinned(samples: Sequence[Sample]) -> Sequence[Sample]:
-    """Every nth of `samples`: a long session has more than the server accepts."""
-    return samples[:: max(1, math.ceil(len(samples) / MOST_SAMPLES))]
-
-
-def _document(run: Run, stage_clock: str) -> dict[str, Any]:
-    stages = {"stages_us": {stage: list(series) for stage, series in run.stages_us.items()}}
-    return {
-        "id": run.id,
-        "configuration": run.configuration,
-        "repeat": run.repeat,
-        "order": run.order,
-        "status": run.status,
-        "failure": run.failure,
-        "frame_us": list(run.frame_us),
-        **({} if stage_clock == NO_STAGES else stages),
-        "tracked": list(run.tracked),
-        "ate_max": run.ate_max,
-        "ate_mean": run.ate_mean,
-        "ate_rmse": run.ate_rmse,
-        **({} if run.deviation is None else {"deviation": run.deviation}),
-        **({} if run.cpu_us is None else {"cpu_us": run.cpu_us}),
-        **({} if run.waited_us is None else {"waited_us": run.waited_us}),
-    }
+    """The body of POST /submissions for one session. A long session has more samples than a server accepts:
+    every nth is sent."""
+    step = max(1, math.ceil(len(session.samples) / MAX_SAMPLES))
+    submission = Submission(
+        schema_version=SCHEMA_VERSION,
+        app_version=__version__,
+        consent_version=asked.consent_version,
+        device=dict(device),
+        sessions=[msgspec.structs.replace(session, samples=session.samples[::step], on_processor=False)],
+        show_model=show_model,
+    )
+    sent: dict[str, Any] = msgspec.to_builtins(submission)
+    return sent

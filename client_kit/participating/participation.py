@@ -1,26 +1,31 @@
 """`run`: from the server's manifest to a measured, stored and sent session, and its result."""
 
 import time
+import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+
+from msgspec.structs import replace
 
 from client_kit.console import Console
 from client_kit.delivery import consent, enrolment, manifest, reference_trajectories, sending, sequences
 from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.server import Server
 from client_kit.delivery.spool import Spool
-from client_kit.device import description, preflight, requirements, selection, sensors
+from client_kit.device import description, preflight, requirements, selection
 from client_kit.device.sources import line
 from client_kit.errors import CannotMeasureError, ClientError, UsageError
 from client_kit.home import Home
-from client_kit.measuring import probes, session
-from client_kit.measuring.session import Session
+from client_kit.measuring import probes
+from client_kit.measuring.session import Run, Session, begin, payload
 from client_kit.measuring.worker_client import COMPILING_MINUTES
 from client_kit.participating.session_recorder import Measured, SessionRecorder
 from slam.devices.choice import NAMES
 from slam.devices.device import Device
+from wire.session import Sample
 
 # A device that has just measured is hot: the number and length of pauses to cool before the next session.
 COOLING_PAUSES, COOLING_SECONDS = 5, 60.0
@@ -289,16 +294,23 @@ def _sample_payload(
     asked: Manifest, chosen: Device, identity: dict[str, str | None], show_model: bool | None
 ) -> dict[str, Any]:
     """An example payload of this device, with a run of two frames for brevity."""
-    example = session.Run(
-        "a random number", "default", 0, 0, "ok", None, (31250, 30718), {"tracking": (9120, 8980)},
-        (True, True), 0.012, 0.008, 0.009, cpu_us=59120, waited_us=140, deviation=0.0004,
+    example = Run(
+        *(uuid.uuid4(), "default", 0, 0, "ok", [31250, 30718]), stages_us={"tracking": [9120, 8980]},
+        tracked=[True, True], ate_max=0.012, ate_mean=0.008, ate_rmse=0.009, cpu_us=59120, waited_us=140,
+        deviation=0.0004,
     )  # fmt: skip
-    sample: sensors.Sample = {"t": 0.0, "temperature_c": 41.5, "cpu_mhz": 2400.0, "battery": 80.0}
-    shown = Session(
-        "a random number", "2026-01-01T12:00:00Z", chosen.backend, (example,), (sample,), 212.5,
-        "device" if chosen.threads is None else "wall", threads=chosen.threads,
-    )  # fmt: skip
-    return session.payload(shown, asked, identity, show_model)
+    shown = replace(
+        begin(asked, chosen.backend, chosen.threads),
+        started_at=datetime(2026, 1, 1, 12, tzinfo=UTC),
+        runs=(example,),
+        samples=[Sample(t=0.0, temperature_c=41.5, cpu_mhz=2400.0, battery=80.0)],
+        empty_frame_us=212.5,
+        stage_clock="device" if chosen.threads is None else "wall",
+    )
+    sample = payload(shown, asked, identity, show_model)
+    for described in (*sample["sessions"], *sample["sessions"][0]["runs"]):
+        described["id"] = "a random number"
+    return sample
 
 
 def _download(server: Server, asked: Manifest, home: Home, console: Console, fresh: bool) -> Path:

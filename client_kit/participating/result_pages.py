@@ -38,7 +38,7 @@ def show(
                 name, reason = speedup.get("configuration"), speedup.get("reason")
                 aside.add(name)
                 console.say(f"The server sets {name} aside: {speedup.get('state')}, {reason}")
-    own_speedup = summary.best_speedup(session, asked.protocol)
+    own_speedup = summary.best_speedup(session, asked)
     # Only a speedup that counts, of a device with a name on the server, has a rank.
     if own_speedup is not None and own_speedup[0] not in aside and state.get("device"):
         _show_place(server, own_speedup, session.backend, asked, str(state["device"]), console)
@@ -69,7 +69,7 @@ def _show_place(
 ) -> None:
     name, speedup = own
     try:
-        crowd = server.speedups(str(asked.front_version), name)
+        crowd = server.speedups(asked.front_version, name)
         console.say(summary.rank_line(crowd, speedup, device, backend))
     except (ServerError, KeyError, TypeError, ValueError) as error:
         console.say(f"The rank among other devices could not be requested: {error}")

@@ -14,8 +14,9 @@ from client_kit.delivery.spool import ACCEPTED, DUPLICATE, Item, Spool
 from client_kit.device import preflight
 from client_kit.errors import CannotMeasureError
 from client_kit.home import Home
-from client_kit.measuring import measurement, session
-from client_kit.measuring.session import Run, Session
+from client_kit.measuring import measurement
+from client_kit.measuring.measurement import Observer, Task
+from client_kit.measuring.session import Run, Session, payload
 from client_kit.participating import result_pages, summary
 from slam.definitions import SYSTEMS
 from slam.devices.device import Device
@@ -63,13 +64,13 @@ class SessionRecorder:
         server refuses this version, and KeyboardInterrupt after finished runs are stored.
         """
         self.console.say(f"Order: {', '.join(plan)}, {asked.protocol.frames} frames each")
-        done, item = self._measured_and_kept(path, asked, plan)
-        if done.interrupted:
+        done, interrupted, item = self._measured_and_kept(path, asked, plan)
+        if interrupted:
             self.console.say(f"Stopped: the {len(done.runs)} finished runs are kept.")
             raise KeyboardInterrupt
         delivered = sending.deliver(self.spool, self.home)
-        self.console.lines(summary.stages(done, asked.protocol))
-        self.console.lines(summary.figures(done, asked.protocol))
+        self.console.lines(summary.stages(done, asked))
+        self.console.lines(summary.figures(done, asked))
         self.console.lines(delivered.lines())
         kept = self.spool.find(item.id)
         if kept is None:
@@ -83,44 +84,22 @@ class SessionRecorder:
             raise CannotMeasureError(f"no configuration runs here: {done.runs[0].failure}")
         return measured
 
-    def _measured_and_kept(self, path: Path, asked: Manifest, plan: tuple[str, ...]) -> tuple[Session, Item]:
-        """The session of `plan`, stored for sending. Meanwhile its finished runs are stored as a draft; the
-        lock keeps other processes from sending the draft."""
-
-        def agreed() -> None:
-            if not consent.is_agreed(self.home, self.server.url, asked.consent_version):
-                raise CannotMeasureError(WITHDRAWN)
-
-        def payload(so_far: Session) -> dict[str, Any]:
-            return session.payload(so_far, asked, self.identity, self.show_model)
-
-        def keep(so_far: Session) -> None:
-            self.spool.keep_draft(self.server.url, payload(so_far), agreed)
-
-        def on_run(run: Run) -> None:
-            adapts = SYSTEMS[asked.application].skips(asked.by_name[run.configuration].parameters)
-            self.console.lines(summary.run_lines(run, asked.protocol, adapts))
-
+    def _measured_and_kept(
+        self, path: Path, asked: Manifest, plan: tuple[str, ...]
+    ) -> tuple[Session, bool, Item]:
+        """The session of `plan`, stored for sending, and whether it was ended early. Meanwhile its finished
+        runs are stored as a draft; the lock keeps other processes from sending the draft."""
+        references = reference_trajectories.read(asked, self.home)
+        task = Task(asked, plan, path, references, self._impossible(asked, plan))
+        storing = StoringObserver(self, asked)
         with self.home.only_one("measurement") as alone:
             if not alone:
                 raise CannotMeasureError("another client measures on this device: wait until it is done")
-            done = measurement.measure(
-                path,
-                asked,
-                plan,
-                device=self.device,
-                references=reference_trajectories.read(asked, self.home),
-                impossible=self._impossible(asked, plan),
-                on_run=on_run,
-                keep=keep,
-                on_contention=lambda: self.console.say(CONTENTION),
-                on_frame=lambda label, done, total, left: self.console.bar(label, done, total, left=left),
-                rest=self.pause,
-                root=self.root,
-                compiling_minutes=self.compiling_minutes,
+            done, interrupted = measurement.measure(
+                task, self.device, storing, self.root, self.compiling_minutes
             )
             with interrupts.ignored():
-                return done, self.spool.put(self.server.url, payload(done), agreed)
+                return done, interrupted, storing.store(done)
 
     def _impossible(self, asked: Manifest, plan: tuple[str, ...]) -> dict[str, str]:
         """The reasons of the configurations that this device cannot run."""
@@ -129,3 +108,41 @@ class SessionRecorder:
         backends = {configuration.name: configuration.backends for configuration in planned}
         too_large = preflight.too_large(parameters, self.device, self.root)
         return too_large | preflight.unsupported(backends, self.device.backend)
+
+
+@dataclass(frozen=True)
+class StoringObserver(Observer):
+    """Stores a session of `asked` while it is measured, and shows its progress."""
+
+    recorder: SessionRecorder
+    asked: Manifest
+
+    def frame(self, label: str, done: int, total: int, left: float | None) -> None:
+        self.recorder.console.bar(label, done, total, left=left)
+
+    def run(self, run: Run) -> None:
+        parameters = self.asked.by_name[run.configuration].parameters
+        adapts = SYSTEMS[self.asked.application].skips(parameters)
+        self.recorder.console.lines(summary.run_lines(run, self.asked, adapts))
+
+    def session(self, session: Session) -> None:
+        recorder = self.recorder
+        recorder.spool.keep_draft(recorder.server.url, self._payload(session), self._require_agreement)
+
+    def contention(self) -> None:
+        self.recorder.console.say(CONTENTION)
+
+    def rest(self, seconds: float) -> None:
+        self.recorder.pause(seconds)
+
+    def store(self, session: Session) -> Item:
+        """Put the whole session into the spool."""
+        recorder = self.recorder
+        return recorder.spool.put(recorder.server.url, self._payload(session), self._require_agreement)
+
+    def _payload(self, session: Session) -> dict[str, Any]:
+        return payload(session, self.asked, self.recorder.identity, self.recorder.show_model)
+
+    def _require_agreement(self) -> None:
+        if not consent.is_agreed(self.recorder.home, self.recorder.server.url, self.asked.consent_version):
+            raise CannotMeasureError(WITHDRAWN)

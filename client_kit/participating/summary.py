@@ -4,15 +4,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import fmean, median
 from typing import Any
 
-from client_kit.delivery.manifest import Protocol
+from client_kit.delivery.manifest import Manifest
 from client_kit.measuring.session import Run, Session
+from wire.front import DEFAULT
 from wire.session_statistics import PROCESSOR, has_drifted
 
-DEFAULT = "default"
 BAR = 28
 
 
-def run_lines(run: Run, protocol: Protocol, adapts: bool = False) -> list[str]:
+def run_lines(run: Run, asked: Manifest, adapts: bool = False) -> list[str]:
     """A finished run in a line, and a second line if it left its band and does not count.
 
     `adapts`: its configuration leaves out frames by the camera's motion; the line says how many.
@@ -20,53 +20,52 @@ def run_lines(run: Run, protocol: Protocol, adapts: bool = False) -> list[str]:
     start = f"  {run.order + 1}. {run.configuration}: "
     if run.status == "failed":
         return [f"{start}failed, {run.failure}"]
-    most, longest = run.slowest_seconds(protocol)
-    line = f"{start}{1000 * run.mean_seconds(protocol):.2f} ms a frame"
+    most, longest = run.slowest_seconds(asked.protocol)
+    line = f"{start}{1000 * run.mean_seconds(asked.protocol):.2f} ms a frame"
     line += f" (95 % within {1000 * most:.2f}, longest {1000 * longest:.2f})"
     if adapts:
-        line += f", {100 * run.skipped(protocol):.0f} % of frames skipped"
+        line += f", {100 * run.skipped(asked.protocol):.0f} % of frames skipped"
     if run.ate_max is not None:
         line += f", largest error {100 * run.ate_max:.2f} cm"
-    if not run.deviates:
+    if not run.deviates(asked):
         return [line]
     assert run.deviation is not None
-    assert run.band is not None
     return [
         line,
         f"     This device computes a different result ({100 * run.deviation:.2f} cm from the reference, "
-        f"{100 * run.band:.2f} cm allowed), so the run does not count.",
+        f"{100 * asked.by_name[run.configuration].band:.2f} cm allowed), so the run does not count.",
     ]
 
 
-def figures(session: Session, protocol: Protocol) -> list[str]:
+def figures(session: Session, asked: Manifest) -> list[str]:
     """The session's outcome, one line for each configuration against the default."""
     names = list(dict.fromkeys(run.configuration for run in session.runs))
     lines = [""]
     for name in names:
         errors = [run.ate_max for run in session.of(name) if run.ate_max is not None]
         if errors:
-            limit = f"{100 * protocol.max_ate:.0f} cm allowed"
+            limit = f"{100 * asked.protocol.max_ate:.0f} cm allowed"
             lines.append(f"{name}: largest trajectory error {100 * max(errors):.2f} cm ({limit})")
     for name in names:
         if name != DEFAULT:
-            lines += _speedup(session, name, protocol)
+            lines += _speedup(session, name, asked)
     for name in names:
-        drift = session.drift(name, protocol)
+        drift = session.drift(name, asked.protocol)
         if drift is not None and drift > 1 and has_drifted(drift):
-            disturbed = any(run.configuration == name for run in session.contended(protocol))
+            disturbed = any(run.configuration == name for run in session.contended(asked.protocol))
             why = "while other programs ran" if disturbed else "as a device does that gets hot"
             lines.append(f"{name} slowed down by {100 * (drift - 1):.0f} % within the session, {why}")
     return lines
 
 
-def stages(session: Session, protocol: Protocol) -> list[str]:
+def stages(session: Session, asked: Manifest) -> list[str]:
     """Bars of the mean time of each stage and of the whole frame, which is longer than the sum of stages: the
     default above the fastest that counts."""
-    fastest = _fastest(session, protocol)
-    base = _stage_means(session.of(DEFAULT), protocol)
+    fastest = _fastest(session, asked)
+    base = _stage_means(session.of(DEFAULT), asked)
     if fastest is None or not base:
         return []
-    rows = {DEFAULT: base, fastest: _stage_means(session.of(fastest), protocol)}
+    rows = {DEFAULT: base, fastest: _stage_means(session.of(fastest), asked)}
     longest = max(max(means.values()) for means in rows.values())
     stage_width, name_width = max(map(len, base)), max(map(len, rows))
     lines = ["", "Mean time a frame, by stage"]
@@ -98,18 +97,18 @@ def rank_line(crowd: Iterable[Mapping[str, Any]], own: float, device: str, backe
     )
 
 
-def best_speedup(session: Session, protocol: Protocol) -> tuple[str, float] | None:
+def best_speedup(session: Session, asked: Manifest) -> tuple[str, float] | None:
     """The configuration to compare with the crowd, `best` if it counts, with its speedup."""
-    name = "best" if session.speedup("best", protocol) else _fastest(session, protocol)
-    speedup = None if name is None else session.speedup(name, protocol)
+    name = "best" if session.speedup("best", asked) else _fastest(session, asked)
+    speedup = None if name is None else session.speedup(name, asked)
     return None if name is None or speedup is None else (name, speedup.value)
 
 
-def _speedup(session: Session, name: str, protocol: Protocol) -> list[str]:
-    speedup = session.speedup(name, protocol)
+def _speedup(session: Session, name: str, asked: Manifest) -> list[str]:
+    speedup = session.speedup(name, asked)
     if speedup is None:
         return [f"No speedup for {name}: no pair of runs ran through and stayed within the limits."]
-    counted = protocol.frames - protocol.first_counted_frame
+    counted = asked.protocol.frames - asked.protocol.first_counted_frame
     slower = "" if speedup.value >= 1 else " (slower)"
     interval = "one pair of runs" if speedup.pairs == 1 else f"{speedup.pairs} pairs of runs"
     if speedup.low is not None and speedup.high is not None:
@@ -138,17 +137,17 @@ def _speedup(session: Session, name: str, protocol: Protocol) -> list[str]:
     return lines
 
 
-def _fastest(session: Session, protocol: Protocol) -> str | None:
+def _fastest(session: Session, asked: Manifest) -> str | None:
     names = {run.configuration for run in session.runs} - {DEFAULT}
-    speedups = {name: speedup.value for name in names if (speedup := session.speedup(name, protocol))}
+    speedups = {name: speedup.value for name in names if (speedup := session.speedup(name, asked))}
     return max(speedups, key=lambda name: speedups[name], default=None)
 
 
-def _stage_means(runs: Sequence[Run], protocol: Protocol) -> dict[str, float]:
+def _stage_means(runs: Sequence[Run], asked: Manifest) -> dict[str, float]:
     """Mean seconds a frame in each stage and in all, over the runs that count; empty without stages."""
-    counted = [run for run in runs if run.valid(protocol)]
-    each = [run.stage_seconds(protocol) for run in counted]
+    counted = [run for run in runs if run.valid(asked)]
+    each = [run.stage_seconds(asked.protocol) for run in counted]
     if not each or not each[0]:
         return {}
     means = {stage: fmean(one[stage] for one in each) for stage in each[0]}
-    return means | {"all": fmean(run.mean_seconds(protocol) for run in counted)}
+    return means | {"all": fmean(run.mean_seconds(asked.protocol) for run in counted)}

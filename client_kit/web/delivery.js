@@ -181,7 +181,9 @@ export async function endPause() {
 async function enrolled(consentVersion) {
   const known = await database.read("settings", "installation");
   if (known) return known;
-  const body = JSON.stringify({ app: APP, app_version: VERSION, consent_version: consentVersion });
+  /** @type {import("./wire.d.ts").Enrolment} */
+  const enrolment = { app: APP, app_version: VERSION, consent_version: consentVersion };
+  const body = JSON.stringify(enrolment);
   const answer = await askJson("/enrol", { method: "POST", body });
   const installation = { id: answer.installation_id, token: answer.token };
   await database.write("settings", "installation", installation);

@@ -1,10 +1,9 @@
 /** The record of a run, and when a run has failed (client_kit/measuring/run_record.py). */
 
+import { MOST_LOST } from "./constants.js";
 import { nextNumber, tracks } from "./plan.js";
 import { absoluteTrajectoryError, deviation, positionOf } from "./trajectory.js";
 
-// A run that has lost the camera in more of its frames than this is a failure, however fast it was.
-const MOST_LOST = 0.5;
 const MICROSECONDS = 1e6;
 // Chromium rounds timestamps to so many seconds.
 const TIMESTAMP_QUANTUM = 65536e-9;
@@ -18,20 +17,7 @@ const PLAUSIBLE = 0.95;
 /**
  * A run as the protocol sends it (docs/data/protocol.md). `deviation` is absent from a failed run, `stages_us` where no
  * clock measured the stages.
- * @typedef {object} Run
- * @property {string} id
- * @property {string} configuration
- * @property {number} repeat
- * @property {number} order
- * @property {"ok" | "failed"} status
- * @property {string | null} failure
- * @property {number[]} frame_us
- * @property {Record<string, number[]>} [stages_us]
- * @property {(boolean | null)[]} tracked
- * @property {number | null} ate_max
- * @property {number | null} ate_mean
- * @property {number | null} ate_rmse
- * @property {number} [deviation]
+ * @typedef {import("./wire.d.ts").Run & {tracked: (boolean | null)[]}} Run
  */
 
 /**

@@ -1,17 +1,6 @@
 /** The runs of a session in their order (client_kit/delivery/manifest.py). */
 
-/**
- * The part of a manifest's protocol that the measurement uses.
- * @typedef {object} Protocol
- * @property {number} version
- * @property {number} warmup_frames
- * @property {number} frames
- * @property {number} first_counted_frame
- * @property {string[]} order
- * @property {number} repeats
- * @property {number} rest_seconds
- * @property {number} max_ate
- */
+/** @typedef {import("./wire.d.ts").Protocol} Protocol */
 
 export const MOST_BLOCKS_REPEATED = 2; // after the planned runs, where other programs disturbed them
 

@@ -100,23 +100,8 @@ function secondsOf(header) {
   return header !== null && Number.isFinite(seconds) && seconds >= 0 ? seconds : null;
 }
 
-/** @typedef {{sha256: string, url: string}} Addressed */
-
-/**
- * The server's manifest for clients (docs/data/protocol.md).
- * @typedef {object} Manifest
- * @property {string} application
- * @property {string} front_version
- * @property {{name: string, parameters: Record<string, number>, backends?: string[], plan?: Addressed,
- *   shaders?: Addressed, wasm?: {plan: Addressed, module: Addressed}, trajectory?: Addressed, band?: number}[]} configurations
- * @property {any} protocol
- * @property {{name: string, sha256: string, chunks: (Addressed & {bytes: number})[]}} sequence
- * @property {number} consent_version
- * @property {string} minimum_app_version
- * @property {boolean} accepting
- * @property {string | null} message
- * @property {{name: string, why: string}[]} [assigned] the probes of this device, in its own manifest
- */
+/** @typedef {import("./wire.d.ts").Manifest} Manifest */
+/** @typedef {import("./wire.d.ts").ContentReference} ContentReference */
 
 /**
  * The manifest; without a network, the one of the last visit.
@@ -143,7 +128,7 @@ export async function readManifest() {
 
 /**
  * A file by its digest: stored, or else downloaded, checked and stored.
- * @param {Addressed} file
+ * @param {ContentReference} file
  * @returns {Promise<ArrayBuffer>}
  */
 export async function download({ sha256, url }) {
@@ -165,7 +150,7 @@ export async function download({ sha256, url }) {
 
 /**
  * The same, as JSON.
- * @param {Addressed} file
+ * @param {ContentReference} file
  * @returns {Promise<any>}
  */
 export async function downloadJson(file) {

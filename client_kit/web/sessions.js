@@ -3,11 +3,11 @@
  * answer. A finished run is on disk before the next one starts.
  */
 
+import { SCHEMA_VERSION } from "./constants.js";
 import * as database from "./database.js";
 import { plannedRuns } from "./schedule.js";
 import { VERSION } from "./version.js";
 
-const SCHEMA_VERSION = 1;
 /** The lock of the tab that measures. */
 export const LOCK = "frontrunner-measuring";
 // After a longer rest the device is in another state than in the first runs.
@@ -160,6 +160,7 @@ export async function agreedTo(version) {
  * The body of POST /submissions (docs/data/protocol.md).
  * @param {Session} session
  * @param {SessionClock} clock
+ * @returns {import("./wire.d.ts").Submission}
  */
 export function payload({ id, startedAt, manifest, device, runs, blocksRepeated = 0 }, clock) {
   const { application, front_version, protocol, consent_version } = manifest;

@@ -1,17 +1,8 @@
 /** The results of a session, computed as on the server (wire/session_statistics.py). */
 
+import { LEAST_DEVIATION, LEAST_PAIRS, QUANTILES_95, QUANTILES_99 } from "./constants.js";
+
 const MICROSECONDS = 1e6;
-const LEAST_PAIRS = 3; // pairs needed for an interval: two pairs give a uselessly wide one
-const LEAST_DEVIATION = 0.03; // of the log ratios of pairs: a smaller one of few pairs is chance
-// Student's t, two-sided 95 % and 99 %, for 1 to 24 degrees of freedom: a session has at most 25 pairs of runs.
-const QUANTILES_95 = [
-  12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179,
-  2.16, 2.145, 2.131, 2.12, 2.11, 2.101, 2.093, 2.086, 2.08, 2.074, 2.069, 2.064,
-];
-const QUANTILES_99 = [
-  63.657, 9.925, 5.841, 4.604, 4.032, 3.707, 3.499, 3.355, 3.25, 3.169, 3.106, 3.055,
-  3.012, 2.977, 2.947, 2.921, 2.898, 2.878, 2.861, 2.845, 2.831, 2.819, 2.807, 2.797,
-];
 
 /** @typedef {import("./run-record.js").Run} Run */
 
@@ -63,8 +54,9 @@ export function stageSeconds(run, protocol) {
  */
 export function isValid(run, protocol, bands) {
   const band = bands[run.configuration];
-  const deviates = run.deviation !== undefined && band !== undefined && run.deviation > band;
-  return run.status === "ok" && run.ate_max !== null && run.ate_max < protocol.max_ate && !deviates;
+  const { ate_max = null, deviation = null } = run;
+  const deviates = deviation !== null && band !== undefined && deviation > band;
+  return run.status === "ok" && ate_max !== null && ate_max < protocol.max_ate && !deviates;
 }
 
 /**

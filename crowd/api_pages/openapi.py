@@ -15,7 +15,6 @@ from rest_framework.request import Request
 
 from crowd.api_pages import examples
 from crowd.http.api import Endpoint, public_json
-from crowd.results.intake import schema
 
 TEMPLATE = "#/components/schemas/{name}"
 PROBLEM = {
@@ -69,9 +68,7 @@ def _components(structs: Iterable[type[msgspec.Struct]]) -> dict[str, Any]:
 def complete(result: dict[str, Any], **_: Any) -> dict[str, Any]:
     """Add what views do not declare: nested structs, and the error answer of every call."""
     schemas = result["components"]["schemas"]
-    schemas.update(_components([*_described, schema.Run]))
-    # Runs are decoded one by one, so the session's struct holds them undecoded.
-    schemas["Session"]["properties"]["runs"]["items"] = {"$ref": TEMPLATE.format(name="Run")}
+    schemas.update(_components(_described))
     schemas["Problem"] = PROBLEM
     # By name: structs are found in another order in each process.
     result["components"]["schemas"] = dict(sorted(schemas.items()))

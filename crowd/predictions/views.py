@@ -19,6 +19,7 @@ from crowd.predictions.selectors import DeviceQuery, PredictionResult
 from slam.devices.device import BACKENDS
 from wire.manifest import Manifest
 from wire.protocol import PROBE_PAIRS, VALID_BELOW
+from wire.recommendation import Recommendation
 
 MAX_TEXT = 100
 TEXT = {"type": "string", "maxLength": MAX_TEXT}
@@ -98,7 +99,7 @@ class RecommendationView(Endpoint):
             OpenApiParameter("max_ate", POSITIVE, description="largest error, m; default: 0.05"),
             OpenApiParameter("max_ms", POSITIVE, description="a sufficient time per frame, ms"),
         ],
-        responses={200: responses.Recommendation},
+        responses={200: Recommendation},
     )
     def get(self, request: Request) -> HttpResponse:
         prediction = _read_prediction(request)

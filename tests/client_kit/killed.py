@@ -12,19 +12,19 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from msgspec.structs import replace
+
 import client_kit
 from client_kit.console import Console, NullStream
-from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.spool import Spool
 from client_kit.device import preflight
 from client_kit.home import Home
 from client_kit.measuring import measurement
+from client_kit.measuring.measurement import Observer, Task
 from client_kit.measuring.session import Session
 from client_kit.participating import participation
 from client_kit.participating.participation import RunOptions
@@ -87,13 +87,11 @@ def states(home: Home) -> list[str]:
     return [item.state for item in spool.items() + spool.drafts()]
 
 
-def ready(
-    _sequence: Any, asked: Manifest, plan: tuple[str, ...], keep: Callable[[Session], None], **_: Any
-) -> Session:
-    whole = canned.measured(asked, plan)
+def ready(task: Task, _device: Any, observer: Observer, *_: Any) -> tuple[Session, bool]:
+    whole = canned.measured(task.asked, task.plan)
     for finished in range(1, len(whole.runs) + 1):
-        keep(replace(whole, runs=whole.runs[:finished]))
-    return whole
+        observer.session(replace(whole, runs=whole.runs[:finished]))
+    return whole, False
 
 
 def main(folder: Path, server: str, stride: int) -> None:

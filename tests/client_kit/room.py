@@ -4,20 +4,22 @@ import json
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
 import numpy as np
+from msgspec.structs import replace
 
 from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.reference_trajectories import Positions
 from client_kit.measuring import measurement
+from client_kit.measuring.measurement import Observer, Task
 from client_kit.measuring.session import Run, Session
 from slam.datasets.formats import pack
 from slam.devices.choice import choose_device
 from tests.builders import manifests
+from tests.client_kit.observing import Calling
 from tests.slam.kfusion.test_pipeline import CAMERA, SCENE, depth_from, handheld
 from tests.slam.sequences import ArraySequence
 
@@ -81,6 +83,11 @@ def references(asked: Manifest) -> dict[str, Positions]:
     }
 
 
+def task(room: pack.Pack, asked: Manifest, plan: tuple[str, ...]) -> Task:
+    """To measure `plan` over the room."""
+    return Task(asked, plan, room._chunks.folder, references(asked))
+
+
 class Watched:
     """A session over the room that is really measured, and all that it calls meanwhile."""
 
@@ -90,42 +97,36 @@ class Watched:
         self.asked = Manifest.parse(manifest(room))
         self.runs: list[Run] = []
         self.frames: list[tuple[str, int, int, float | None]] = []
-        self.session = measurement.measure(
-            room._chunks.folder,
-            self.asked,
-            self.PLAN,
-            choose_device(),
-            references=references(self.asked),
-            on_run=self.runs.append,
-            on_frame=lambda *frame: self.frames.append(frame),
-        )
+        observer = Calling(on_run=self.runs.append, on_frame=lambda *frame: self.frames.append(frame))
+        self.session, _ = measurement.measure(task(room, self.asked, self.PLAN), choose_device(), observer)
 
-    def again(self, plan: tuple[str, ...]) -> Session:
-        """What was measured, as another session of the runs in `plan`."""
+    def again(self, asked: Manifest, plan: tuple[str, ...] = ()) -> Session:
+        """What was measured, as another session for `asked`, of the runs in `plan` or of its own plan."""
+        plan = plan or asked.plan()
         runs: list[Run] = []
         for order, name in enumerate(plan):
             measured = [run for run in self.runs if run.configuration == name]
             repeat = plan[:order].count(name)
             like = measured[repeat % len(measured)]
-            runs.append(replace(like, id=str(uuid.uuid4()), repeat=repeat, order=order))
-        return replace(self.session, id=str(uuid.uuid4()), runs=tuple(runs))
+            runs.append(replace(like, id=uuid.uuid4(), repeat=repeat, order=order))
+        return replace(self.session, id=uuid.uuid4(), front_version=asked.front_version, runs=tuple(runs))
 
     @contextmanager
     def replayed(self) -> Iterator[None]:
         """Every measurement gives this session again, except what is known not to run on its device."""
 
-        def measure(_: Any, _asked: Any, plan: tuple[str, ...], *__: Any, **calls: Any) -> Session:
-            session = self.again(plan)
+        def measure(task: Task, _: Any, observer: Observer, *__: Any) -> tuple[Session, bool]:
+            session = self.again(task.asked, task.plan)
             runs = list(session.runs)
             for place, run in enumerate(runs):
-                if reason := calls["impossible"].get(run.configuration):
+                if reason := task.impossible.get(run.configuration):
                     runs[place] = Run(
-                        run.id, run.configuration, run.repeat, run.order, "failed", failure=reason
+                        run.id, run.configuration, run.repeat, run.order, "failed", [], failure=reason
                     )
-                calls["on_run"](runs[place])
+                observer.run(runs[place])
             session = replace(session, runs=tuple(runs))
-            calls["keep"](session)
-            return session
+            observer.session(session)
+            return session, False
 
         with mock.patch.object(measurement, "measure", measure):
             yield

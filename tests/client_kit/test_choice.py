@@ -1,6 +1,7 @@
 """Choosing a configuration for this device from the published front and its own measurements."""
 
 import json
+import math
 import re
 from collections.abc import Callable
 from types import SimpleNamespace
@@ -97,12 +98,27 @@ INTERVAL = {"ratio": 4.0, "low": 2.0, "high": 5.0}
 
 def recommended(name: str, parameters: dict[str, Any], **changes: Any) -> dict[str, Any]:
     """A row of the front in a server's recommendation."""
-    row = {"configuration": name, "parameters": parameters, "ate_max": 0.02, "state": "predicted"}
+    row = {"configuration": name, "parameters": parameters, "ate_max": 0.02, "held_out_ate_max": None}
+    row["state"] = "predicted"
     return row | INTERVAL | changes
 
 
 def recommendation(*rows: dict[str, Any]) -> dict[str, Any]:
-    return {"configuration": "fine", "parameters": {"mu": 0.2}, "predicted": INTERVAL, "front": list(rows)}
+    return {
+        "application": "kfusion",
+        "front_version": "1",
+        "about": "this device",
+        "configuration": "fine",
+        "parameters": {"mu": 0.2},
+        "predicted": INTERVAL,
+        "ate_max": 0.02,
+        "held_out_ate_max": None,
+        "sequences": {"learned_on": [], "held_out": []},
+        "default_seconds": None,
+        "basis": {"rung": "stages", "sessions": 1, "devices": 1, "nearest": []},
+        "state": "predicted",
+        "front": list(rows),
+    }
 
 
 def test_the_crowds_predictions_count_for_what_was_not_measured_here() -> None:
@@ -110,7 +126,7 @@ def test_the_crowds_predictions_count_for_what_was_not_measured_here() -> None:
         recommendation(
             recommended("best", {"mu": 0.4}, ratio=9.0),
             recommended("fine", {"mu": 0.2}, ate_max=None),
-            recommended("probe", {"mu": 0.3}, low=None, high=None),
+            recommended("probe", {"mu": 0.3}),
         )
     )
 
@@ -120,7 +136,7 @@ def test_the_crowds_predictions_count_for_what_was_not_measured_here() -> None:
     best, fine, probe = candidates["best"], candidates["fine"], candidates["probe"]
     assert (best.runtime, best.source, best.low) == (0.04, MEASURED, None)
     assert (fine.runtime, fine.low, fine.high, fine.ate_max) == (0.05, 0.04, 0.1, 0.008)
-    assert (probe.runtime, probe.low, probe.high, probe.ate_max) == (0.05, None, None, 0.02)
+    assert (probe.runtime, probe.low, probe.high, probe.ate_max) == (0.05, 0.04, 0.1, 0.02)
     assert (fine.source, probe.source, probe.parameters) == (PREDICTED, PREDICTED, {"mu": 0.3})
 
 
@@ -138,11 +154,11 @@ def test_predictions_count_only_for_the_same_parameters_beside_a_default_and_for
     "answer",
     [
         {},
-        {"front": None},
-        {"front": [{}]},
+        recommendation() | {"front": None},
+        recommendation({}),
         *(
-            {"front": [recommended("fine", {}, **wrong)]}
-            for wrong in ({"ratio": 0}, {"low": "low"}, {"ratio": None})
+            recommendation(recommended("fine", {}, **wrong))
+            for wrong in ({"ratio": 0}, {"low": "low"}, {"ratio": None}, {"high": math.nan})
         ),
     ],
 )
@@ -161,7 +177,7 @@ def chosen(home: Home, spool: Spool, serve: Serve, terminal: Terminal) -> Choosi
     def choosing(answer: Reply, *options: str, others: tuple[str, ...] = ()) -> tuple[str, list[Request]]:
         server = serve(lambda _: answer)
         home.write("manifest-1.json", {"server": server.url, "manifest": manifests.manifest()})
-        installation = {"installation_id": "me", "token": "secret", "erase": False, "not_before": 0.0}
+        installation = {"server": server.url, "installation_id": "me", "token": "secret", "erase": False}
         home.write("installations.json", {server.url: [installation]})
         for name in (*others, "this device"):
             spool.put(server.url, session(DEFAULT) | {"device": {"opencl_device": name}})

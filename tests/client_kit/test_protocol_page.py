@@ -15,7 +15,6 @@ from client_kit.delivery import sending
 from client_kit.delivery.manifest import Manifest
 from client_kit.device import preflight
 from client_kit.device.description import FIELDS
-from client_kit.measuring import session as record
 from crowd.devices.naming.chips import Processor
 from crowd.devices.naming.computing import processor_of
 from crowd.devices.naming.raw_device import RawDevice
@@ -23,6 +22,7 @@ from slam.datasets.formats.pack import Pack
 from tests.client_kit import canned
 from tests.client_kit.published import VERSION, publish
 from wire.manifest import Assignment
+from wire.session import SCHEMA_VERSION
 
 PAGE = (Path(__file__).parents[2] / "docs/data/protocol.md").read_text(encoding="utf-8")
 EXAMPLES: dict[str, Any] = {
@@ -160,7 +160,7 @@ def test_the_page_names_the_answers_that_are_final_and_the_clients_own_limits() 
     finals = re.search(r"^\| ([\d, ]+) \| rejected:", PAGE, re.MULTILINE)
     assert finals is not None
     assert tuple(int(status) for status in finals[1].split(",")) == sending.FINAL
-    assert EXAMPLES["submission"]["schema_version"] == record.SCHEMA_VERSION
+    assert EXAMPLES["submission"]["schema_version"] == SCHEMA_VERSION
     assert all(name in PAGE for name in ("low battery", "power saving", "throttling")), preflight.IGNORABLE
 
 
@@ -172,7 +172,7 @@ def test_this_client_reads_what_the_page_says_of_probes() -> None:
 
     assert Manifest.parse(document).assigned == (Assignment(assigned["name"], assigned["why"]),)
     [best] = choice.predictions(EXAMPLES["recommendation"])
-    assert (best.name, best.ratio, best.low, best.high) == ("best", 9.1, 8.2, 10.1)
+    assert (best.configuration, best.ratio, best.low, best.high) == ("best", 9.1, 8.2, 10.1)
 
 
 @pytest.mark.parametrize(("example", "chip"), [("vulkan", "Mali-G715"), ("metal", "Apple A17 Pro")])

@@ -21,6 +21,7 @@ from crowd.results.intake import schema, storing
 from crowd.results.intake.daily_limits import Sender
 from crowd.results.privacy.own_page import own_page_path
 from crowd.results.reading import selectors
+from wire.session import Enrolment, Submission
 
 IDEMPOTENCY_KEY = re.compile(r"[\x21-\x7e]{1,128}")
 
@@ -33,7 +34,7 @@ class EnrolView(Endpoint):
     @extend_schema(
         operation_id="enrol",
         summary="A token for a new, anonymous installation",
-        request={"application/json": schema.Enrolment},
+        request={"application/json": Enrolment},
         responses={201: responses.Enrolled},
     )
     def post(self, request: Request) -> HttpResponse:
@@ -65,7 +66,7 @@ class SubmissionsView(InstallationEndpoint):
             OpenApiParameter("Idempotency-Key", str, OpenApiParameter.HEADER, required=True),
             OpenApiParameter("Content-Encoding", str, OpenApiParameter.HEADER, enum=["gzip"]),
         ],
-        request={"application/json": schema.Submission},
+        request={"application/json": Submission},
         responses={200: responses.Accepted, 202: responses.Accepted},
     )
     def post(self, request: Request) -> HttpResponse:
@@ -90,7 +91,7 @@ class ValidationView(InstallationEndpoint):
     @extend_schema(
         operation_id="validate",
         summary="Check a submission without storing it",
-        request={"application/json": schema.Submission},
+        request={"application/json": Submission},
         responses={200: responses.Checked},
     )
     def post(self, request: Request) -> HttpResponse:

@@ -13,6 +13,7 @@ from crowd.http.problems import Problem
 from crowd.results.intake import checks, schema, unknown_members
 from crowd.results.intake.checks import Rejection
 from crowd.results.models import MeasurementSession, Run
+from wire import session as declared
 from wire.front import Protocol
 from wire.protocol import MOST_RUNS, VERSION
 
@@ -38,7 +39,7 @@ class Item:
     id: str | None
     session: schema.Session
     extras: unknown_members.SessionExtras
-    run: schema.Run | None = None
+    run: declared.Run | None = None
     extra: dict[str, Any] = field(default_factory=dict)
     rejection: Rejection | None = None
     duplicate: bool = False

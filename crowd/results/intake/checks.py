@@ -9,9 +9,10 @@ from typing import Any
 from crowd.devices.naming.computing import WEBASSEMBLY
 from crowd.devices.naming.raw_device import RAW_STRINGS
 from crowd.http.problems import Problem
-from crowd.results.intake.schema import MAX_FRAME_US, MAX_THREADS, Run, Sample, Session
+from crowd.results.intake.schema import Session
 from wire.front import Protocol
 from wire.protocol import NO_STAGES
+from wire.session import MAX_FRAME_US, MAX_THREADS, Run, Sample
 
 MAX_STAGES = 16
 # Time of a session besides its frames: loading, warming up and rests, and time of each run. A client waits

@@ -10,7 +10,7 @@ import msgspec
 
 from crowd.http.decoding import decode_part, raw_size
 from crowd.results.intake import checks
-from crowd.results.intake.schema import Run, Sample, Session, Submission
+from wire.session import Run, Sample, Session, Submission
 
 MAX_BYTES = 4 << 10  # of one run, or of the submission itself
 MAX_SESSION_BYTES = 16 << 10  # with its samples

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from client_kit.device.sensors import Sampler, battery, clock, temperature
 from tests.client_kit.machines import files
+from wire.session import Sample
 
 ZONES = "sys/class/thermal/thermal_zone"
 
@@ -75,5 +76,5 @@ def test_samples_are_taken_at_most_once_a_second(tmp_path: Path) -> None:
     for _ in range(6):
         sampler.sample()
 
-    assert [sample["t"] for sample in sampler.samples] == [0.0, 1.0, 2.1]
-    assert sampler.samples[0] == {"t": 0.0, "temperature_c": 50.0, "cpu_mhz": None, "battery": None}
+    assert [sample.t for sample in sampler.samples] == [0.0, 1.0, 2.1]
+    assert sampler.samples[0] == Sample(0.0, 50.0, None, None)

@@ -1,7 +1,7 @@
 """What a driver, the system or the participant does to the process that measures, and what is kept then."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,9 +12,9 @@ import pytest
 from client_kit.delivery.manifest import Manifest
 from client_kit.errors import CannotMeasureError
 from client_kit.measuring import measurement, worker_client
-from client_kit.measuring.measurement import measure
+from client_kit.measuring.measurement import Task, measure
 from client_kit.measuring.session import Run, Session, payload
-from client_kit.measuring.worker_client import Outcome, Progress
+from client_kit.measuring.worker_client import COMPILING_MINUTES, Outcome, Progress
 from tests.builders import manifests
 from tests.client_kit.breaking import (
     BROKEN,
@@ -29,6 +29,7 @@ from tests.client_kit.breaking import (
     UNREADABLE,
     report,
 )
+from tests.client_kit.observing import Calling
 from wire import session_statistics
 
 CONFIGURATIONS: dict[str, dict[str, Any]] = {
@@ -61,7 +62,14 @@ def breaking(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(measurement, "open_sequence", lambda _: range(100))
 
 
-def session(*plan: str, protocol: dict[str, Any] | None = None, **wishes: Any) -> Session:
+def measured(
+    *plan: str,
+    protocol: dict[str, Any] | None = None,
+    impossible: dict[str, str] | None = None,
+    compiling_minutes: int = COMPILING_MINUTES,
+    **calls: Callable[..., Any],
+) -> tuple[Session, bool]:
+    """The session of `plan`, and whether it was interrupted."""
     members = {
         "configurations": [
             manifests.configuration(name, parameters) for name, parameters in CONFIGURATIONS.items()
@@ -69,7 +77,12 @@ def session(*plan: str, protocol: dict[str, Any] | None = None, **wishes: Any) -
         "protocol": manifests.manifest()["protocol"] | (protocol or {}),
     }
     asked = Manifest.parse(manifests.manifest(**members))
-    return measure(Path("sequence"), asked, plan, DEVICE, references=REFERENCES, **wishes)
+    task = Task(asked, plan, Path("sequence"), REFERENCES, impossible or {})
+    return measure(task, DEVICE, Calling(**calls), compiling_minutes=compiling_minutes)
+
+
+def session(*plan: str, **wishes: Any) -> Session:
+    return measured(*plan, **wishes)[0]
 
 
 class Tireless:
@@ -228,9 +241,9 @@ def test_ctrl_c_keeps_the_runs_that_are_finished() -> None:
         if label == "best, run 3 of 4" and done == 5:
             raise KeyboardInterrupt
 
-    done = session("default", "best", "best", "default", on_frame=interrupt)
+    done, interrupted = measured("default", "best", "best", "default", on_frame=interrupt)
 
-    assert done.interrupted
+    assert interrupted
     assert outcomes(done) == [("default", None), ("best", None)]
 
 
@@ -296,9 +309,9 @@ def test_ctrl_c_while_a_block_is_measured_again_keeps_the_first_one(monkeypatch:
         if label == "best, measured again":
             raise KeyboardInterrupt
 
-    done = session("default", "best", "best", "default", on_frame=interrupt)
+    done, interrupted = measured("default", "best", "best", "default", on_frame=interrupt)
 
-    assert done.interrupted
+    assert interrupted
     assert [run.order for run in done.runs] == [0, 1, 2, 3]
 
 
@@ -308,7 +321,6 @@ def test_an_empty_frame_is_measured_and_each_run_compared_with_its_reference() -
     assert done.empty_frame_us == pytest.approx(1e6 * EMPTY_FRAME_SECONDS)
     assert done.stage_clock == "device"
     assert [run.deviation for run in done.runs] == [pytest.approx(0.001), pytest.approx(0.001), None]
-    assert [run.band for run in done.runs] == [manifests.BAND, manifests.BAND, None]
 
 
 @pytest.mark.slow

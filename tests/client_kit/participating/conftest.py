@@ -20,7 +20,7 @@ def counting(tmp_path: Path) -> Counting:
 @pytest.fixture
 def canned_measurement(monkeypatch: pytest.MonkeyPatch) -> None:
     """A machine that always measures the same."""
-    monkeypatch.setattr(measurement, "measure", lambda _, asked, plan, **__: canned.measured(asked, plan))
+    monkeypatch.setattr(measurement, "measure", canned.measure)
     monkeypatch.setattr(participation, "_device", lambda *_: (canned.DEVICE, canned.IDENTITY))
 
 

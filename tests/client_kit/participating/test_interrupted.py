@@ -4,10 +4,10 @@ import gzip
 import json
 import os
 import threading
-from dataclasses import replace
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from client_kit import interrupts
 from client_kit.client import Client
@@ -19,6 +19,7 @@ from client_kit.device.preflight import Concern
 from client_kit.errors import UsageError
 from client_kit.home import Home
 from client_kit.measuring import measurement
+from client_kit.measuring.measurement import Observer, Task
 from client_kit.measuring.session import Session
 from client_kit.participating import participation, result_pages
 from tests.builders import manifests
@@ -34,9 +35,9 @@ pytestmark = pytest.mark.usefixtures("canned_measurement")
 def test_ctrl_c_keeps_what_is_finished_for_the_next_send(
     terminal: Terminal, counting: Counting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(_: Any, asked: Any, plan: tuple[str, ...], **__: Any) -> Session:
-        whole = canned.measured(asked, plan)
-        return replace(whole, runs=whole.runs[:3], interrupted=True)
+    def interrupted(task: Task, *_: Any) -> tuple[Session, bool]:
+        whole = canned.measured(task.asked, task.plan)
+        return replace(whole, runs=whole.runs[:3]), True
 
     monkeypatch.setattr(measurement, "measure", interrupted)
 
@@ -97,9 +98,9 @@ def test_a_crowd_that_cannot_be_asked_for_spoils_nothing(terminal: Terminal, cou
 def test_erased_while_it_measures_nothing_is_kept_or_sent(
     terminal: Terminal, counting: Counting, home: Home, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def erasing(_: Any, asked: Manifest, plan: tuple[str, ...], **__: Any) -> Session:
+    def erasing(task: Task, *_: Any) -> tuple[Session, bool]:
         assert Client(home=home.path).erase()
-        return canned.measured(asked, plan)
+        return canned.measure(task)
 
     monkeypatch.setattr(measurement, "measure", erasing)
 
@@ -113,12 +114,12 @@ def test_erased_while_it_measures_nothing_is_kept_or_sent(
 def test_erased_between_two_runs_the_session_ends_at_once(
     terminal: Terminal, counting: Counting, home: Home, spool: Spool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def erasing(_: Any, asked: Manifest, plan: tuple[str, ...], keep: Any, **__: Any) -> Session:
-        whole = canned.measured(asked, plan)
-        keep(whole)
-        assert [draft.id for draft in spool.drafts()] == [whole.id]
+    def erasing(task: Task, _: Any, observer: Observer, *__: Any) -> tuple[Session, bool]:
+        whole, _ = canned.measure(task)
+        observer.session(whole)
+        assert [draft.id for draft in spool.drafts()] == [str(whole.id)]
         assert Client(home=home.path).erase()
-        keep(whole)
+        observer.session(whole)
         raise AssertionError("the session went on")
 
     monkeypatch.setattr(measurement, "measure", erasing)

@@ -1,11 +1,11 @@
 """Probes after a session: what the server assigns, when it is asked for, and what becomes of it."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.server import NotFrontrunnerError

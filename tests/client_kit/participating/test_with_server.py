@@ -36,7 +36,7 @@ __all__ = ["pack"]  # for tests elsewhere that use `server`
 def measured(pack: Pack, watched: room.Watched) -> dict[str, Any]:
     """What a session of default and best over the room sends."""
     asked = Manifest.parse(room.manifest(pack, front_version=f"kfusion-{VERSION}"))
-    return record.payload(watched.again(asked.plan()), asked, description.identify())
+    return record.payload(watched.again(asked), asked, description.identify())
 
 
 def published(live_server: Any, settings: Any, pack: Pack, far: tuple[str, ...] = (), **protocol: Any) -> str:

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-import dataclasses
 import random
+import uuid
 from typing import Any
 
+import msgspec
 import pytest
+from msgspec.structs import replace
 
-from client_kit.delivery.manifest import Protocol
-from client_kit.measuring.session import Run, Session
+from client_kit.delivery.manifest import Manifest
+from client_kit.measuring.session import Run, begin
+from tests.builders import manifests
 from tests.client_kit.web.serving import evaluated
 
-PROTOCOL = Protocol(
-    version=2, warmup_frames=2, frames=12, first_counted_frame=4, order=("default", "best"), repeats=3,
-    rest_seconds=0, max_ate=0.05,
-)  # fmt: skip
 BANDS = {"default": 0.002, "best": 0.01}
+ASKED = Manifest.parse(
+    manifests.manifest(
+        configurations=[manifests.configuration(name, {}, band=band) for name, band in BANDS.items()]
+    )
+)
 STAGES = ("preprocessing", "tracking")
 COMPUTE = """async ({ sessions, protocol, bands }) => {
     const speedup = await import("/measure/speedup.js");
@@ -31,20 +35,19 @@ COMPUTE = """async ({ sessions, protocol, bands }) => {
 
 def made_up_run(chance: random.Random, name: str, repeat: int, order: int, slower: int) -> Run:
     failed = chance.random() < 0.1
-    frames = tuple(slower * chance.randrange(1 if chance.random() < 0.9 else 0, 50_000) for _ in range(12))
+    frames = [slower * chance.randrange(1 if chance.random() < 0.9 else 0, 50_000) for _ in range(12)]
     deviation = None if failed else BANDS[name] * chance.choice([0.1, 0.9, 1.0, 1.1])
     return Run(
-        f"run-{order}",
+        uuid.UUID(int=order),
         name,
         repeat,
         order,
         "failed" if failed else "ok",
+        [] if failed else frames,
         failure="out of memory" if failed else None,
-        frame_us=() if failed else frames,
-        stages_us={} if failed else {stage: tuple(time // 3 for time in frames) for stage in STAGES},
+        stages_us={} if failed else {stage: [time // 3 for time in frames] for stage in STAGES},
         ate_max=None if failed else chance.choice([0.001, 0.049, 0.05, None]),
         deviation=deviation,
-        band=BANDS[name],
     )
 
 
@@ -69,10 +72,8 @@ def made_up_session(seed: int) -> tuple[Run, ...]:
 
 def document(run: Run) -> dict[str, Any]:
     """A run as the worker sends it."""
-    found = dataclasses.asdict(run)
-    for member in ("band", *(["deviation"] if run.deviation is None else [])):
-        del found[member]
-    return found
+    nothing = {"failure": None, "stages_us": {}, "ate_max": None}
+    return nothing | msgspec.to_builtins(run)
 
 
 @pytest.mark.slow
@@ -88,8 +89,8 @@ def test_random_sessions_come_to_what_python_computes(web_page: Any) -> None:
 
     intervals = changes = 0
     for runs, result in zip(sessions, found, strict=True):
-        session = Session("id", "now", "webgpu", runs, (), 0.0, "none")
-        speedup = session.speedup("best", PROTOCOL)
+        session = replace(begin(ASKED, "webgpu", None), runs=runs)
+        speedup = session.speedup("best", ASKED)
         if speedup is None:
             assert result["speedup"] is None
         else:
@@ -98,11 +99,11 @@ def test_random_sessions_come_to_what_python_computes(web_page: Any) -> None:
             for name in ("value", "low", "high", "pairs", "changed"):
                 value = getattr(speedup, name)
                 assert result["speedup"][name] == (None if value is None else pytest.approx(value, rel=1e-9))
-        assert result["valid"] == [run.valid(PROTOCOL) for run in runs]
+        assert result["valid"] == [run.valid(ASKED) for run in runs]
         for run, seconds, stages in zip(runs, result["seconds"], result["stages"], strict=True):
             if run.frame_us:
-                assert seconds == pytest.approx(run.mean_seconds(PROTOCOL), rel=1e-12)
-                assert stages == pytest.approx(run.stage_seconds(PROTOCOL), rel=1e-12)
+                assert seconds == pytest.approx(run.mean_seconds(ASKED.protocol), rel=1e-12)
+                assert stages == pytest.approx(run.stage_seconds(ASKED.protocol), rel=1e-12)
     assert intervals >= 20
     assert changes >= 3
 

@@ -6,7 +6,6 @@ from typing import Any, get_args
 import pytest
 from django.test import Client
 
-from crowd.results.intake.schema import Backend
 from crowd.results.reading import selectors
 from crowd.results.reading.backends import BACKENDS, backend_comparison
 from crowd.results.reading.queries.filters import SpeedupFilters
@@ -22,6 +21,7 @@ from tests.builders.participant import API
 from tests.builders.stored import join
 from tests.dashboard.conftest import Filling
 from tests.dashboard.reading import read, text
+from wire.session import Backend
 
 pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("both")]
 
