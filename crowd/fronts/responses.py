@@ -11,7 +11,7 @@ from msgspec import UNSET, UnsetType
 from crowd.fronts.content import plans
 from crowd.fronts.intake_policy import Policy
 from slam.definitions import SYSTEMS
-from wire.front import DEFAULT, Front, Point
+from wire.front import DEFAULT, Errors, Front, Point
 
 
 class ContentReference(msgspec.Struct):
@@ -37,8 +37,10 @@ class Configuration(msgspec.Struct):
 
     `backends`: those whose limits it keeps. `plan`: the plan of a frame for WebGPU; `shaders`: its kernels.
     `wasm`: the same for WebAssembly, absent if its buffers take 256 MiB or more.
-    `band`: the allowed distance (m) of positions from the reference `trajectory`. `skipped`: the share of the
-    counted frames that the reference left out; absent for a configuration that computes every frame.
+    `band`: the allowed distance (m) of positions from the reference `trajectory`. `reference_ate`: the errors
+    (m) of that trajectory; those of a run differ from them by at most twice its deviation. `skipped`: the
+    share of the counted frames that the reference left out; absent for a configuration that computes every
+    frame.
     Only in the detail of a front: `learned_on` and `held_out`, [{sequence, ate_max (m), lost (frames)}], the
     worst results on sequences that the search used, and on sequences that it never saw.
     """
@@ -52,6 +54,7 @@ class Configuration(msgspec.Struct):
     wasm: WebAssembly | UnsetType = UNSET
     band: float | UnsetType = UNSET
     trajectory: ContentReference | UnsetType = UNSET
+    reference_ate: Errors | UnsetType = UNSET
     skipped: float | UnsetType = UNSET
     learned_on: list[dict[str, Any]] | UnsetType = UNSET
     held_out: list[dict[str, Any]] | UnsetType = UNSET
@@ -228,6 +231,8 @@ def _configuration(front: Front, point: Point) -> Configuration:
     if point.band is not None and point.trajectory_sha256 is not None:
         configuration.band = point.band
         configuration.trajectory = _reference("trajectories", point.trajectory_sha256)
+    if point.reference_ate is not None:
+        configuration.reference_ate = point.reference_ate
     if point.skipped is not None:
         configuration.skipped = point.skipped
     return configuration

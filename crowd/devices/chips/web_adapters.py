@@ -92,7 +92,7 @@ def adapter(vendor: str, architecture: str, described: tuple[str, ...], fallback
     software.
     """
     vendor, architecture = vendor.casefold(), architecture.casefold()
-    texts = " ".join(described).casefold()
+    texts = " ".join((vendor, *described)).casefold()
     renderer = SOFTWARE.get((vendor, architecture)) or next(
         (name for words, name in DESCRIBED.items() if words in texts), ""
     )

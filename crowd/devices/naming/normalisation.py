@@ -21,7 +21,7 @@ from crowd.devices.naming.processors import Processor
 from crowd.devices.naming.raw_device import RawDevice
 
 # Version of the rules; increase it with every change. Older descriptions are then derived again.
-RULES = 4
+RULES = 5
 UNKNOWN = "Unknown device"
 SLUG_LENGTH = 100
 SYSTEMS = {

@@ -1,6 +1,6 @@
 """The chip behind an OpenCL device or a WebGPU adapter, with one name for all its spellings.
 
-WebAssembly computes on the central processor, whatever device or adapter there is.
+Some backends compute on the central processor, whatever device or adapter there is.
 """
 
 import re
@@ -13,12 +13,17 @@ from crowd.devices.naming.raw_device import RawDevice
 UNKNOWN_CHIP = "unknown chip"
 UNKNOWN_PROCESSOR = "unknown processor"  # of a device that computed with WebAssembly
 WEBASSEMBLY = "wasm"  # the backend
+ON_PROCESSOR = frozenset({WEBASSEMBLY, "cpu"})  # the backends that compute there
 CPU: Literal["cpu"] = "cpu"
 GPU: Literal["gpu"] = "gpu"
 # Platforms whose devices are processors, unless the device names a graphics chip.
 CPU_PLATFORM = re.compile(r"portable computing language|pocl|oclgrind|intel\(r\) cpu|wasmtime", re.IGNORECASE)
-# Devices that are processors on any platform: PoCL's, and software renderers.
-CPU_DEVICE = re.compile(r"^(pthread|cpu|basic)\b|llvmpipe|softpipe|swiftshader", re.IGNORECASE)
+# Devices that are processors on any platform: PoCL's, those of virtual machines, and software renderers.
+CPU_DEVICE = re.compile(r"^(pthread|basic)\b|\bcpu\b|\bkvm processor\b", re.IGNORECASE)
+SOFTWARE = re.compile(
+    r"llvmpipe|lavapipe|softpipe|swiftshader|microsoft basic render|software (rasterizer|adapter)",
+    re.IGNORECASE,
+)
 
 
 @dataclass(frozen=True)
@@ -46,7 +51,10 @@ def processor_of(raw: RawDevice) -> Processor:
     named = chips.processor(raw.opencl_device)
     if named:
         return Processor(named, CPU)
-    if CPU_PLATFORM.search(raw.opencl_platform) or CPU_DEVICE.search(raw.opencl_device):
+    # A renderer's name may be that of the driver. A client that is no browser may describe an adapter.
+    strings = (raw.opencl_device, raw.opencl_driver, raw.gpu_device, raw.gpu_description)
+    software = raw.gpu_fallback == "true" or any(map(SOFTWARE.search, strings))
+    if software or CPU_PLATFORM.search(raw.opencl_platform) or CPU_DEVICE.search(raw.opencl_device):
         return Processor(_of_the_system(raw) or UNKNOWN_CHIP, CPU)
     return Processor(UNKNOWN_CHIP, GPU)
 

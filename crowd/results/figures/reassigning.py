@@ -9,7 +9,7 @@ from django.db import transaction
 from django.db.models import Q, QuerySet
 
 from crowd.devices.models import DeviceDescription, DeviceModel
-from crowd.devices.naming.processors import CPU, WEBASSEMBLY, central_processor
+from crowd.devices.naming.processors import CPU, ON_PROCESSOR, central_processor
 from crowd.results import marking
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import MeasurementSession
@@ -46,8 +46,8 @@ def _reassign(key: int) -> None:
     ):
         described = description.sessions.all()
         for of_backend, processor, kind in (
-            (described.filter(backend=WEBASSEMBLY), central, CPU),
-            (described.exclude(backend=WEBASSEMBLY), description.processor, description.processor_class),
+            (described.filter(backend__in=ON_PROCESSOR), central, CPU),
+            (described.exclude(backend__in=ON_PROCESSOR), description.processor, description.processor_class),
         ):
             columns = {
                 "device": key,

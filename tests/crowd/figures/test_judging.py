@@ -84,7 +84,7 @@ def judged(rows: list[dict[str, Any]]) -> list[StoredRun]:
     unknown: dict[str, Any] = dict.fromkeys(DERIVED_COLUMNS)
     unknown |= {"cpu_us": None, "waited_us": None}
     stored = [StoredRun(**row, **unknown, pk=key) for key, row in enumerate(rows)]
-    runs._judge_all(stored, AROUND)
+    runs.judge_alone(stored, AROUND)
     return stored
 
 
