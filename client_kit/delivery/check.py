@@ -15,12 +15,12 @@ from client_kit.home import Home
 
 @dataclass(frozen=True)
 class Verdict:
-    """A server's verdict on one payload: `items` are its runs, `configurations` their states by session;
+    """A server's verdict on one payload: `items` are its runs, `judged` the states of configurations;
     `refusal` is of the whole payload."""
 
     path: Path
     items: Sequence[dict[str, Any]] = ()
-    configurations: Sequence[dict[str, Any]] = ()
+    judged: Sequence[dict[str, Any]] = ()
     refusal: str | None = None
 
     @property
@@ -38,8 +38,8 @@ class Verdict:
         for item in self.items:
             if item.get("status") == "rejected":
                 yield f"  {item.get('id')}: {item.get('code')} at {item.get('field')}: {item.get('detail')}"
-        several = len({one.get("session") for one in self.configurations}) > 1
-        for one in self.configurations:
+        several = len({one.get("session") for one in self.judged}) > 1
+        for one in self.judged:
             name = f"{one.get('configuration')} of {one['session']}" if several else one.get("configuration")
             reason = f" ({one['reason']}: {one.get('meaning')})" if one.get("reason") else ""
             yield f"  {name}: {one.get('state')}{reason}"

@@ -177,7 +177,7 @@ class Server:
         configuration; nothing is stored."""
         answer = self._call("POST", "/submissions:validate", token=token, body=body).json()
         try:
-            return list(answer["items"]), list(answer["configurations"])
+            return list(answer["items"]), list(answer["judged"])
         except (KeyError, TypeError) as error:
             raise NotFrontrunnerError(f"the answer to a dry run is malformed: {error!r}") from error
 

@@ -1,7 +1,6 @@
 """Schemas of the responses about figures, devices and submissions."""
 
 from datetime import datetime
-from typing import Any
 from uuid import UUID
 
 import msgspec
@@ -60,11 +59,11 @@ class JudgedConfiguration(msgspec.Struct):
 class Checked(msgspec.Struct):
     """The result of a dry run. Nothing was stored.
 
-    `configurations`: the states that the accepted runs would have, by the rules that need no other session.
+    `judged`: what the accepted runs say of each configuration, by the rules that need no other session.
     """
 
     items: list[Item]
-    configurations: list[JudgedConfiguration]
+    judged: list[JudgedConfiguration]
 
 
 class SubmissionState(msgspec.Struct):
@@ -259,15 +258,14 @@ def correlated(row: DeviceCorrelation) -> Correlated:
     )
 
 
-def checked(items: list[dict[str, Any]], judgements: list[Judgement]) -> Checked:
-    """The result of a dry run as JSON."""
-    configurations = [
+def judged(judgements: list[Judgement]) -> list[JudgedConfiguration]:
+    """The states of configurations as JSON."""
+    return [
         JudgedConfiguration(session, configuration, rule.state, rule.code, rule.words)
         if rule
         else JudgedConfiguration(session, configuration, State.VALID, "", "")
         for session, configuration, rule in judgements
     ]
-    return Checked(msgspec.convert(items, list[Item]), configurations)
 
 
 def submission(row: SubmissionRow, page: str) -> SubmissionState:

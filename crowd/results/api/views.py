@@ -98,7 +98,7 @@ class ValidationView(InstallationEndpoint):
         checked = storing.validate_submission(_sender(request), read_body(request))
         items = [item.answer() for item in checked.items]
         judgements = dry_run.judge(checked, installation_of_request(request).pk)
-        return json_response(responses.checked(items, judgements))
+        return json_response({"items": items, "judged": responses.judged(judgements)})
 
 
 class SubmissionView(InstallationEndpoint):

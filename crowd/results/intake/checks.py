@@ -294,7 +294,7 @@ def _check_errors(run: Run) -> Rejection | None:
     known = [(field, value) for field in ERRORS if (value := getattr(run, field)) is not None]
     for (field, value), (larger, most) in pairwise(known):
         if value > most + ERROR_ROUNDING:
-            text = f"{field} is {value} and {larger} {most}: a mean is at most the rmse, and that the largest"
+            text = f"{field} is {value} and {larger} {most}: the mean is at most the rmse, and that at most the largest"
             return Rejection("errors_out_of_order", text, field)
     return None
 
@@ -302,11 +302,11 @@ def _check_errors(run: Run) -> Rejection | None:
 def _check_reference(run: Run, reference: Errors | None) -> Rejection | None:
     """The errors of a run differ from those of the `reference` trajectory by twice its deviation at most.
 
-    Let r and q be the positions of the run and of the reference. Both cameras start without rotation, so one
-    rigid motion that begins with a rotation R lays both first poses on the true one: R (r - r0) + t and
-    R (q - q0) + t. In a frame they differ by |(r - q) - (r0 - q0)|, which is at most twice the deviation.
-    So do their distances from the truth, and by the triangle inequality also the largest of these, their
-    mean and their root mean square. Both sides are rounded.
+    Let r and q be the positions of the run and of the reference. Both cameras start without rotation, so the
+    same rotation R lays each first pose on the true one, at t: R (r - r0) + t and R (q - q0) + t. In each
+    frame these differ by |(r - q) - (r0 - q0)|, which is at most twice the deviation. So do their distances
+    from the truth, and by the triangle inequality the largest of these, their mean and their root mean
+    square. ERROR_ROUNDING is for what clients round.
     """
     if reference is None or run.deviation is None:
         return None

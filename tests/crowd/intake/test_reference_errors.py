@@ -1,4 +1,4 @@
-"""A run's errors and its deviation bind each other: with the first pose aligned, both trajectories are close."""
+"""A run's errors and its deviation bind each other, because the first poses are aligned."""
 
 import json
 from typing import Any
