@@ -294,7 +294,9 @@ def _check_errors(run: Run) -> Rejection | None:
     known = [(field, value) for field in ERRORS if (value := getattr(run, field)) is not None]
     for (field, value), (larger, most) in pairwise(known):
         if value > most + ERROR_ROUNDING:
-            text = f"{field} is {value} and {larger} {most}: the mean is at most the rmse, the rmse the largest"
+            text = (
+                f"{field} is {value} and {larger} {most}: the mean is at most the rmse, the rmse the largest"
+            )
             return Rejection("errors_out_of_order", text, field)
     return None
 

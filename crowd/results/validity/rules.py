@@ -138,7 +138,7 @@ SKIPPED_TIMES = Rule(
     State.SUSPECT,
     Scope.RUN,
     None,
-    "the frames that it left out took longer than those that it computed, so it left out others or none",
+    "the frames that it left out took longer than those that it computed",
 )
 STAGES_EXCEED_FRAMES = Rule(
     "stages_exceed_frames",

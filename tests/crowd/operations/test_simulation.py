@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from django.conf import LazySettings
 from django.test import Client
 from django.utils import timezone
 
@@ -16,7 +17,8 @@ from crowd.devices.naming.processors import processor_of
 from crowd.devices.naming.raw_device import RawDevice
 from crowd.devices.naming.vendors import VENDORS
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.fronts.publishing.services import publish_content
+from crowd.fronts import sequences
+from crowd.fronts.publishing.services import publish_content, publish_file
 from crowd.predictions.models import ProbeAssignment
 from crowd.predictions.tables import chip_series
 from crowd.results.figures import recomputing
@@ -29,6 +31,7 @@ from crowd.simulation.stages import STAGES, frame_stages, stage_shares
 from crowd.simulation.transport import Transport
 from tests.builders.documents import BAND, STANDARD, front_document, trajectory
 from tests.builders.participant import API
+from tests.shipped import KFUSION, LIVING_ROOM
 from wire.front import Errors
 
 TODAY = datetime(2026, 11, 20, tzinfo=UTC)
@@ -203,6 +206,22 @@ def test_a_crowd_measures_by_the_protocol_of_the_front(demo: None, pack: dict[st
 
     assert set(MeasurementSession.objects.values_list("protocol_version", flat=True)) == {2}
     assert set(SessionSummary.objects.values_list("pairs", "reason")) == {(4, "")}
+
+
+@pytest.mark.slow
+def test_all_runs_of_the_front_that_ships_are_taken(demo: None, settings: LazySettings) -> None:
+    """Its true poses are known, so errors and deviations bind each other."""
+    settings.FRONTRUNNER_SEQUENCES = [LIVING_ROOM.parent]
+    sequences.open_pack.cache_clear()
+    front, _ = publish_file(KFUSION)
+    assert all(point.reference_ate for point in front.content.every)
+
+    with admitting():
+        sender = crowd(4, 1)
+        sent = [each.document for place in range(4) for each in sender._sessions(place)]
+        *_, last = sender.send()
+
+    assert last.runs == sum(len(session["runs"]) for session in sent)
 
 
 @pytest.mark.slow
