@@ -171,9 +171,10 @@ class Definition:
     complete configuration. `warm_up`: for a complete configuration, one that launches all of its kernels
     within a few frames. `parameters`: those of its design spaces. `optional`: those of them that a complete
     configuration leaves out where they are 0. `stages`: what happens in each. `unattempted`: why some frames
-    are not tracked. `skips`: whether a configuration leaves out frames by the camera's motion. `plan`: a
-    frame as data for a scene and a layout, None for a system that the host drives. `known`: configurations of
-    others, by label. `packages`: those it needs beyond the base installation, with the module of each.
+    are not tracked. `skips`: whether a configuration leaves out frames by the camera's motion. `revises`:
+    whether closed loops move earlier poses, the first one too. `plan`: a frame as data for a scene and a
+    layout, None for a system that the host drives. `known`: configurations of others, by label. `packages`:
+    those it needs beyond the base installation, with the module of each.
     """
 
     title: str
@@ -187,6 +188,7 @@ class Definition:
     unattempted: str
     optional: tuple[str, ...] = ()
     skips: Callable[[Mapping[str, Any]], bool] = lambda _: False
+    revises: bool = False
     plan: Callable[[Mapping[str, Any], Scene, Any], Any] | None = None
     known: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     packages: Mapping[str, str] = field(default_factory=dict)

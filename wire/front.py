@@ -140,14 +140,23 @@ class SequenceResult(msgspec.Struct, frozen=True):
     lost: Count
 
 
+class Errors(msgspec.Struct, frozen=True):
+    """Distances (m) of a trajectory from the truth, once its first pose was laid on the first true one."""
+
+    ate_max: NonNegative
+    ate_mean: NonNegative
+    ate_rmse: NonNegative
+
+
 class Point(msgspec.Struct, frozen=True, omit_defaults=True):
     """A configuration of the front, or a probe. A draft may lack what its preparation adds.
 
     `band`: the allowed distance (m) from the reference `trajectory`, which a file has, and of which the
-    database has the digest. `skipped`: the share of the counted frames that it left out then; None for a
-    configuration that computes every frame. `program`: the digest of the plan and shaders that made them, for
-    a system that has plans. `not_told_apart`: other points that may be as fast. `learned_on` and `held_out`:
-    results on sequences that the search used, and on sequences that it never saw.
+    database has the digest. `reference_ate`: the errors of that trajectory on the clients' sequence; only the
+    database has them, where the true poses are known. `skipped`: the share of the counted frames that it left
+    out then; None for a configuration that computes every frame. `program`: the digest of the plan and
+    shaders that made them, for a system that has plans. `not_told_apart`: other points that may be as fast.
+    `learned_on` and `held_out`: results on sequences that the search used, and that it never saw.
     """
 
     name: Name
@@ -156,6 +165,7 @@ class Point(msgspec.Struct, frozen=True, omit_defaults=True):
     band: Metres | None = None
     trajectory: Positions | None = None
     trajectory_sha256: Digest | None = None
+    reference_ate: Errors | None = None
     skipped: Share | None = None
     program: Digest | None = None
     not_told_apart: tuple[Name, ...] = ()

@@ -5,7 +5,7 @@ from typing import Annotated
 import msgspec
 from msgspec import UNSET, UnsetType
 
-from wire.front import Digest, Metres, Name, Predicted, Protocol, SequenceResult, Share
+from wire.front import Digest, Errors, Metres, Name, Predicted, Protocol, SequenceResult, Share
 
 Size = Annotated[int, msgspec.Meta(ge=1)]
 
@@ -33,8 +33,10 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True):
 
     `backends`: those whose limits it keeps. `plan`: the plan of a frame for WebGPU; `shaders`: its kernels.
     `wasm`: the same for WebAssembly, absent if its buffers take 256 MiB or more.
-    `band`: the allowed distance (m) of positions from the reference `trajectory`. `skipped`: the share of the
-    counted frames that the reference left out; absent for a configuration that computes every frame.
+    `band`: the allowed distance (m) of positions from the reference `trajectory`. `reference_ate`: the errors
+    (m) of that trajectory; those of a run differ from them by at most twice its deviation. `skipped`: the
+    share of the counted frames that the reference left out; absent for a configuration that computes every
+    frame.
     Only in the detail of a front: `learned_on` and `held_out`, the worst results on sequences that the search
     used, and on sequences that it never saw.
     """
@@ -48,6 +50,7 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True):
     wasm: WebAssembly | UnsetType = UNSET
     band: Metres | UnsetType = UNSET
     trajectory: ContentReference | UnsetType = UNSET
+    reference_ate: Errors | UnsetType = UNSET
     skipped: Share | UnsetType = UNSET
     learned_on: tuple[SequenceResult, ...] | UnsetType = UNSET
     held_out: tuple[SequenceResult, ...] | UnsetType = UNSET

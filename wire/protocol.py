@@ -8,6 +8,7 @@ MOST_CHANGE = 0.05  # by how much the mean time of a whole run may be below that
 # Of the counted frames, seconds: the mean, the 95th percentile and the largest.
 RUNTIMES = ("runtime", "runtime_p95", "runtime_max")
 VALID_BELOW = 0.05  # metres of maximal trajectory error
+ERROR_ROUNDING = 1e-4  # metres: by so much may a client round its errors and its deviation
 # A run that has lost the camera in more of its frames than this has failed, however fast it was.
 MOST_LOST = 0.5
 LEAST_MATCHED = 0.8  # share of a run's frames that need a true pose for its trajectory to count
@@ -21,6 +22,8 @@ LEAST_PAIRS = 3  # for an interval: two pairs give a uselessly wide one
 SHORTEST_FRAME_US = 50.0
 # A configuration that leaves out frames may leave out another share than its reference, by so much.
 SKIPPED_TOLERANCE = 0.10
+# Work between frames takes so much of each core besides: decoding, sampling, messages.
+BETWEEN_FRAMES_US = 10_000
 # Stages and frames are timed separately: they may differ by this factor and so much a frame.
 STAGE_TOLERANCE, STAGE_SLACK_US = 1.05, 50.0
 NO_STAGES: Final = "none"  # the `stage_clock` where nothing measured the stages

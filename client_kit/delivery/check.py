@@ -15,10 +15,12 @@ from client_kit.home import Home
 
 @dataclass(frozen=True)
 class Verdict:
-    """A server's verdict on one payload: `items` are its runs; `refusal` is of the whole payload."""
+    """A server's verdict on one payload: `items` are its runs, `judged` the states of configurations;
+    `refusal` is of the whole payload."""
 
     path: Path
-    items: Sequence[dict[str, Any]]
+    items: Sequence[dict[str, Any]] = ()
+    judged: Sequence[dict[str, Any]] = ()
     refusal: str | None = None
 
     @property
@@ -27,7 +29,7 @@ class Verdict:
         return self.refusal is None and all(item.get("status") != "rejected" for item in self.items)
 
     def lines(self) -> Iterator[str]:
-        """The verdict, with a line for each rejected run."""
+        """The verdict, with a line for each rejected run and for each configuration."""
         if self.refusal is not None:
             yield f"{self.path}: refused: {self.refusal}"
             return
@@ -36,6 +38,11 @@ class Verdict:
         for item in self.items:
             if item.get("status") == "rejected":
                 yield f"  {item.get('id')}: {item.get('code')} at {item.get('field')}: {item.get('detail')}"
+        several = len({one.get("session") for one in self.judged}) > 1
+        for one in self.judged:
+            name = f"{one.get('configuration')} of {one['session']}" if several else one.get("configuration")
+            reason = f" ({one['reason']}: {one.get('meaning')})" if one.get("reason") else ""
+            yield f"  {name}: {one.get('state')}{reason}"
 
 
 def check(paths: Sequence[Path], server: Server, home: Home, token: str | None = None) -> list[Verdict]:
@@ -72,8 +79,8 @@ def _read(path: Path) -> bytes:
 
 def _judge(path: Path, body: bytes, server: Server, token: str) -> Verdict:
     try:
-        return Verdict(path, server.validate(token, body))
+        return Verdict(path, *server.validate(token, body))
     except ProblemError as problem:
         if problem.temporary or problem.status == 401:
             raise
-        return Verdict(path, (), f"{problem} at {problem.field}" if problem.field else str(problem))
+        return Verdict(path, refusal=f"{problem} at {problem.field}" if problem.field else str(problem))

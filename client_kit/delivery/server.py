@@ -173,11 +173,12 @@ class Server:
         except KeyError as error:
             raise NotFrontrunnerError(f"the answer to a token's renewal lacks {error}") from error
 
-    def validate(self, token: str, body: bytes) -> list[dict[str, Any]]:
-        """The dry run of a submission, plain JSON: the verdict on each run; nothing is stored."""
+    def validate(self, token: str, body: bytes) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+        """The dry run of a submission, plain JSON: the verdict on each run, and the state of each
+        configuration; nothing is stored."""
         answer = self._call("POST", "/submissions:validate", token=token, body=body).json()
         try:
-            return list(answer["items"])
+            return list(answer["items"]), list(answer["judged"])
         except (KeyError, TypeError) as error:
             raise NotFrontrunnerError(f"the answer to a dry run is malformed: {error!r}") from error
 

@@ -31,6 +31,7 @@ export interface Configuration {
   wasm?: WebAssembly;
   band?: number;
   trajectory?: ContentReference;
+  reference_ate?: Errors;
   skipped?: number;
   learned_on?: SequenceResult[];
   held_out?: SequenceResult[];
@@ -47,6 +48,13 @@ export interface Enrolment {
   app: string;
   app_version: string;
   consent_version: number;
+}
+
+/** Distances (m) of a trajectory from the truth, once its first pose was laid on the first true one. */
+export interface Errors {
+  ate_max: number;
+  ate_mean: number;
+  ate_rmse: number;
 }
 
 /** What a client is asked to measure now. */

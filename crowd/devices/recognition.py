@@ -27,8 +27,8 @@ class RecognisedDevice:
     """What a new session needs to know about its device.
 
     `description` and `model` are primary keys; sessions count for `model`. `named_by_consent`: the model is
-    rare and named because all its participants agreed. `central_processor` computes with WebAssembly,
-    `processor` with any other backend.
+    rare and named because all its participants agreed. `central_processor` computes with backends
+    of ON_PROCESSOR, `processor` with any other.
     """
 
     description: int
@@ -41,7 +41,7 @@ class RecognisedDevice:
 
     def computed_by(self, backend: str) -> tuple[str, str]:
         """The chip that computes with `backend`, and its class."""
-        if backend == computing.WEBASSEMBLY:
+        if backend in computing.ON_PROCESSOR:
             return self.central_processor, chips.CPU
         return self.processor, self.processor_class
 

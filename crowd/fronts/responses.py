@@ -124,6 +124,8 @@ def _configuration(front: Front, point: Point) -> Configuration:
     if point.band is not None and point.trajectory_sha256 is not None:
         trajectory = _reference("trajectories", point.trajectory_sha256)
         reference = {"band": point.band, "trajectory": trajectory}
+    if point.reference_ate is not None:
+        reference["reference_ate"] = point.reference_ate
     return Configuration(
         name=point.name,
         parameters=point.parameters,

@@ -89,7 +89,7 @@ def content(front: Front) -> Content:
 
     def with_positions(point: Point) -> Point:
         positions = stored.get(point.trajectory_sha256 or "")
-        return replace(point, trajectory=positions, trajectory_sha256=None)
+        return replace(point, trajectory=positions, trajectory_sha256=None, reference_ate=None)
 
     return front.content.with_each(with_positions)
 

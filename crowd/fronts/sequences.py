@@ -5,8 +5,10 @@ The colour of a sequence is a second pack beside that of its depth, read only if
 
 import hashlib
 import json
+import logging
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import IO, Any
 
@@ -17,6 +19,8 @@ from slam.datasets.formats.pack import MANIFEST, Pack, colour_folder
 from slam.datasets.sequence import SequenceError as DamagedError
 
 DIGEST = re.compile(r"[0-9a-f]{64}")
+
+log = logging.getLogger(__name__)
 
 
 class SequenceError(ValueError):
@@ -84,6 +88,20 @@ def _verify(pack: Path, description: dict[str, Any]) -> None:
             raise SequenceError(f"{path} cannot be read ({error.strerror}): copy the pack again") from error
         if len(content) != chunk["bytes"] or hashlib.sha256(content).hexdigest() != chunk["sha256"]:
             raise SequenceError(f"{path} does not match its digest: copy the pack again")
+
+
+@lru_cache(maxsize=8)
+def open_pack(sha256: str) -> Pack:
+    """The pack of the sequence with the digest SHA256. Raises SequenceError without one that can be read."""
+    for folder in packs():
+        try:
+            if read_description(folder)["sha256"] == sha256:
+                return Pack(folder)
+        except (DamagedError, OSError, ValueError, KeyError) as error:
+            log.warning("the pack %s cannot be read: %s", folder, error)
+    raise SequenceError(
+        f"no complete pack with digest {sha256}: put it into a folder of FRONTRUNNER_SEQUENCES"
+    )
 
 
 def open_chunk(sha256: str) -> IO[bytes] | None:

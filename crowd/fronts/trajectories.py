@@ -4,17 +4,41 @@ import hashlib
 from collections.abc import Iterable
 
 import msgspec
+import numpy as np
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
 from crowd.fronts.models import FrontVersion, Trajectory
-from wire.front import Point, Positions
+from slam.trajectories.trajectory import absolute_trajectory_error
+from wire.front import Errors, Point, Positions
+
+DECIMALS = 6  # of an error in metres, as of a position
 
 
-def named(point: Point) -> Point:
-    """`point` with the digest of its trajectory instead of the positions."""
+def named(point: Point, truth: NDArray[np.float64] | None = None) -> Point:
+    """`point` with the digest of its trajectory instead of the positions, and with its errors.
+
+    `truth`: the true poses (frames, 4, 4), camera to world, if they are known.
+    """
     if point.trajectory is None:
         return point
-    return replace(point, trajectory=None, trajectory_sha256=digest(encode(point.trajectory)))
+    named = digest(encode(point.trajectory))
+    return replace(
+        point, trajectory=None, trajectory_sha256=named, reference_ate=errors(point.trajectory, truth)
+    )
+
+
+def errors(positions: Positions, truth: NDArray[np.float64] | None) -> Errors | None:
+    """The errors of `positions` of a camera that starts without rotation in the volume's frame.
+
+    None if the first pose of `truth` (frames, 4, 4) is not known: nothing else tells the later rotations.
+    """
+    if truth is None or not np.isfinite(truth[0]).all():
+        return None
+    poses = np.tile(np.eye(4), (len(positions), 1, 1))
+    poses[:, :3, 3] = positions
+    ate = absolute_trajectory_error(poses, truth)
+    return Errors(*(round(value, DECIMALS) for value in (ate.max, ate.mean, ate.rmse)))
 
 
 def encode(positions: Positions) -> str:

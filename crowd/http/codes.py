@@ -123,10 +123,14 @@ RUN = {
     name: Code(REJECTED_RUNS, text, of_a_run=True)
     for name, text in {
         "deviation_missing": "Send each ok run's largest distance from the reference trajectory.",
+        "error_contradicts_deviation": "With the first pose laid on the first true one, an error differs "
+        "from that of the reference trajectory by at most twice the deviation.",
+        "errors_out_of_order": "The mean of the errors is at most their rmse, and that at most the largest.",
         "empty_frame_missing": "Send what an empty frame costs on the session's backend.",
         "frame_count": "A run has one value a frame: as many as the protocol says unless it failed.",
         "negative_error": "An error is a distance in metres: 0 or more.",
         "negative_time": "A time is 0 microseconds or more.",
+        "processor_time_too_large": "The threads of a run computed for longer than all processors did.",
         "repeat_taken": "This repeat of the configuration is there already, under another id.",
         "session_taken": "Another session has this id: use a new one.",
         "stage_clock_missing": "Send what took the times of the stages: device, wall or none.",

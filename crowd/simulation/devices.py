@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from crowd.simulation.families import FAMILIES, Family
 from crowd.simulation.stages import STAGES, stage_shares
-from wire.front import DEFAULT
+from wire.front import DEFAULT, Errors
 
 # Standard deviations of the log cost of a stage, relative to the reference device: between makers, between
 # the chips of a maker, and between devices with one chip. Measured devices: 0.2 to 0.7 in total
@@ -38,7 +38,7 @@ USUAL_SECONDS = 0.02
 
 @dataclass(frozen=True)
 class Configuration:
-    """A configuration of the front: reference seconds per frame, and reference ATE (m).
+    """A configuration of the front: reference seconds per frame, and the errors of its reference trajectory.
 
     `band`: the band (m) around the reference trajectory. `stages`: reference times of the stages. A `probe`
     is only measured on request. `backends`: those that can run it. `skipped`: the share of frames that it
@@ -48,7 +48,7 @@ class Configuration:
     name: str
     parameters: Mapping[str, Any]
     seconds: float
-    ate: float
+    errors: Errors
     band: float
     stages: Mapping[str, float]
     probe: bool = False
@@ -92,8 +92,8 @@ class SimulatedDevice:
 def read_configurations(front: Mapping[str, Any]) -> tuple[Configuration, ...]:
     """The configurations of `front`, a manifest or a front with probes.
 
-    A configuration without a predicted time or error gets a typical one. Its error is that on the sequence
-    which clients measure, where it was measured there.
+    A configuration without a predicted time or error gets a typical one. Its errors are those of the
+    reference trajectory, else made up around that on the sequence which clients measure, or a predicted one.
     """
     sequence = front["sequence"]["name"]
     rows = [(row, probe) for kind, probe in LISTS for row in front.get(kind, ())]
@@ -103,7 +103,7 @@ def read_configurations(front: Mapping[str, Any]) -> tuple[Configuration, ...]:
             row["name"],
             row["parameters"],
             (default or USUAL_SECONDS) * row["predicted"]["on_sequence"]["runtime_ratio"],
-            _error_on(sequence, row) or 0.01,
+            _errors_on(sequence, row),
             row["band"],
             row["predicted"]["on_sequence"]["stages"],
             probe,
@@ -114,10 +114,12 @@ def read_configurations(front: Mapping[str, Any]) -> tuple[Configuration, ...]:
     )
 
 
-def _error_on(sequence: str, row: Mapping[str, Any]) -> float | None:
+def _errors_on(sequence: str, row: Mapping[str, Any]) -> Errors:
+    if reference := row.get("reference_ate"):
+        return Errors(**reference)
     there = (one["ate_max"] for one in row.get("learned_on", ()) if one["sequence"] == sequence)
-    error: float | None = next(there, row["predicted"].get("ate_max"))
-    return error
+    largest: float = next(there, row["predicted"].get("ate_max")) or 0.01
+    return Errors(largest, 0.4 * largest, 0.5 * largest)
 
 
 def devices(count: int, front: Sequence[Configuration], seed: int) -> list[SimulatedDevice]:

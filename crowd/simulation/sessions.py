@@ -8,6 +8,7 @@ from datetime import datetime
 from typing import Any
 
 import numpy as np
+from msgspec.structs import asdict
 from numpy.typing import NDArray
 
 from crowd.simulation.devices import Configuration, SimulatedDevice
@@ -108,21 +109,23 @@ def _run(
         "failure": None,
     }  # fmt: skip
     if row.name == device.failing:
-        return run | {"status": "failed", "failure": REFUSED if row.ate < 0.02 else LOST, "frame_us": []}
+        refused = row.errors.ate_max < 0.02
+        return run | {"status": "failed", "failure": REFUSED if refused else LOST, "frame_us": []}
     slowed = np.where(random.random(frames) < SLOW_FRAME_SHARE, SLOW_FRAME_FACTOR, 1.0)
     slowed *= random.lognormal(0.0, device.noise, frames)
     stages_us = np.maximum(np.rint(stages * slowed * 1e6), 1).astype(np.int64)
     # The same program gives the same trajectory on each device.
     trajectory = hashlib.sha256(f"{device.name} {row.name}".encode())
-    error = row.ate * float(np.random.default_rng(list(trajectory.digest()[:4])).lognormal(0.0, 0.08))
+    deviation = row.band * DEVIATION_SHARE
+    # No error can differ from that of the reference by more than twice the deviation.
+    farther = deviation * float(np.random.default_rng(list(trajectory.digest()[:4])).uniform(-1.0, 1.0))
+    errors = {name: max(0.0, error + farther) for name, error in asdict(row.errors).items()}
     return run | {
         "frame_us": (stages_us.sum(axis=0) + np.rint(rest * slowed * 1e6)).astype(np.int64).tolist(),
         "stages_us": {name: series.tolist() for name, series in zip(STAGES, stages_us, strict=True)},
         "tracked": _tracked(row.parameters, rest == 0),
-        "ate_max": round(error, 6),
-        "ate_mean": round(error * 0.4, 6),
-        "ate_rmse": round(error * 0.5, 6),
-        "deviation": round(row.band * DEVIATION_SHARE, 6),
+        **{name: round(error, 6) for name, error in errors.items()},
+        "deviation": round(deviation, 6),
     }
 
 

@@ -63,5 +63,6 @@ ELASTICFUSION = Definition(
         "raycasting": "the map as the camera sees it (by splatting), keyframes",
     },
     unattempted="the first frame that measures anything makes the map",
+    revises=True,
     packages={"opencv-python-headless": "cv2", "scipy": "scipy"},
 )

@@ -6,7 +6,7 @@ from typing import Any
 
 from crowd.explorations.measuring.reference_devices import create_this_machine
 from crowd.explorations.models import Exploration
-from crowd.fronts import manifests
+from crowd.fronts import manifests, sequences
 from crowd.fronts.content import plans
 from crowd.fronts.models import FrontVersion
 from crowd.results.models import MeasurementSession
@@ -35,7 +35,7 @@ def test_what_an_administrator_publishes_by_clicking_a_phone_measures_at_once(
     write_tiny_pack(own_data_folder / "sequences")
     settings.FRONTRUNNER_EVALUATOR = "tests.services.processor_time.measure"
     settings.FRONTRUNNER_SEQUENCES = [own_data_folder / "sequences"]
-    for cache in (plans._pack, plans._build, plans._plans_of_fronts, manifests._build):
+    for cache in (sequences.open_pack, plans._build, plans._plans_of_fronts, manifests._build):
         cache.cache_clear()
     space = tmp_path / "space.json"
     space.write_text(json.dumps(SPACE))

@@ -6,6 +6,9 @@ import uuid
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from slam.datasets.formats.pack import Pack
 from wire.protocol import VERSION
 
@@ -153,6 +156,19 @@ def predict(point: dict[str, Any], **figures: float | None) -> None:
 def trajectory(beside: float = 0.0, frames: int | None = None) -> list[list[float]]:
     """The reference positions of each frame, that many metres `beside` a straight line."""
     return [[0.01 * frame, 0.5 + beside, 0.1] for frame in range(frames or FRAMES)]
+
+
+def beside_truth(truth: NDArray[np.float64], beside: float = 0.0) -> list[list[float]]:
+    """Reference positions whose errors are those of `run_document`, `beside` metres from where others start.
+
+    `truth`: the true poses (frames, 4, 4). Of two errors that its frames have, about one half has each.
+    """
+    errors = np.where(np.arange(len(truth)) % 2, 0.012, 0.00375)
+    errors[0] = 0.0
+    exact = (truth[:, :3, 3] - truth[0, :3, 3]) @ truth[0, :3, :3]
+    positions = exact + errors[:, None] * [1.0, 0.0, 0.0] + [0.0, beside, 0.0]
+    aside: list[list[float]] = positions.round(6).tolist()
+    return aside
 
 
 def run_document(

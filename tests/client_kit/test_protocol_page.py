@@ -8,6 +8,7 @@ import uuid
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from client_kit import choice
@@ -18,9 +19,11 @@ from client_kit.device.description import FIELDS
 from crowd.devices.naming.chips import Processor
 from crowd.devices.naming.computing import processor_of
 from crowd.devices.naming.raw_device import RawDevice
+from crowd.results.intake import checks, schema
 from slam.datasets.formats.pack import Pack
 from tests.client_kit import canned
-from tests.client_kit.published import VERSION, publish
+from tests.client_kit.published import publish
+from wire.front import Errors, Protocol
 from wire.manifest import Assignment
 from wire.session import SCHEMA_VERSION
 
@@ -71,10 +74,14 @@ def assert_described(example: Any, real: Any, where: str) -> None:
         assert isinstance(real, kinds), f"{where} is {real!r}, the page has {example!r}"
 
 
-def ours(submission: dict[str, Any]) -> dict[str, Any]:
-    """The page's submission for the front of this test."""
+def ours(submission: dict[str, Any], manifest: dict[str, Any]) -> dict[str, Any]:
+    """The page's submission for the front of this test, with the errors of its reference trajectories."""
     copy: dict[str, Any] = json.loads(json.dumps(submission))
-    copy["sessions"][0]["front_version"] = f"kfusion-{VERSION}"
+    copy["sessions"][0]["front_version"] = manifest["front_version"]
+    errors = {each["name"]: each["reference_ate"] for each in manifest["configurations"]}
+    for run in copy["sessions"][0]["runs"]:
+        if run["status"] == "ok":
+            run |= errors[run["configuration"]]
     return copy
 
 
@@ -104,7 +111,7 @@ def test_what_a_client_reads_and_writes_by_the_page_is_what_the_server_does(serv
     assert_described(EXAMPLES["enrolled"], enrolled, "enrolled")
     token = enrolled["token"]
 
-    sent = ours(EXAMPLES["submission"])
+    sent = ours(EXAMPLES["submission"], manifest)
     status, dry = call(server, "POST", "/submissions:validate", sent, token)
     assert (status, {item["status"] for item in dry["items"]}) == (200, {"accepted"})
     status, answer = call(server, "POST", "/submissions", sent, token, key="one")
@@ -135,7 +142,8 @@ def test_what_a_client_reads_and_writes_by_the_page_is_what_the_server_does(serv
 
 def test_a_refusal_looks_as_the_page_says(server: str) -> None:
     _, enrolled = call(server, "POST", "/enrol", EXAMPLES["enrol"])
-    wrong = ours(EXAMPLES["submission"]) | {"app_version": 1}
+    _, manifest = call(server, "GET", "/manifest?application=kfusion")
+    wrong = ours(EXAMPLES["submission"], manifest) | {"app_version": 1}
 
     status, problem = call(server, "POST", "/submissions", wrong, enrolled["token"], key="one")
 
@@ -154,6 +162,21 @@ def test_the_client_itself_sends_what_the_page_says() -> None:
     assert set(sent["sessions"][0]) == set(page["sessions"][0])
     assert set(sent["sessions"][0]["runs"][0]) == set(page["sessions"][0]["runs"][0])
     assert set(page["device"]) == set(FIELDS)
+
+
+def test_the_numbers_of_the_page_bind_each_other() -> None:
+    references = {
+        each["name"]: msgspec.convert(each["reference_ate"], Errors)
+        for each in EXAMPLES["manifest"]["configurations"]
+    }
+    protocol = msgspec.convert(EXAMPLES["manifest"]["protocol"], Protocol)
+    [session] = EXAMPLES["submission"]["sessions"]
+
+    cores = checks.claimed_cores(EXAMPLES["submission"]["device"])
+    assert cores == 8
+    for run in session["runs"]:
+        decoded = msgspec.convert(run, schema.Run)
+        assert checks.check_run(decoded, references, protocol, session["stage_clock"], cores) is None
 
 
 def test_the_page_names_the_answers_that_are_final_and_the_clients_own_limits() -> None:

@@ -35,7 +35,11 @@ FAMILIES_OF_GRAPHICS = {
     for family, rows in _graphics["families"].items()
 }
 # Devices that are processors on any platform: PoCL's, and software renderers.
-CPU_DEVICE = re.compile(r"^(pthread|cpu|basic)\b|llvmpipe|softpipe|swiftshader", re.IGNORECASE)
+CPU_DEVICE = re.compile(r"^(pthread|basic)\b|\bcpu\b|\bkvm processor\b", re.IGNORECASE)
+RENDERER = re.compile(
+    r"llvmpipe|lavapipe|softpipe|swiftshader|microsoft basic render|software (rasterizer|adapter)",
+    re.IGNORECASE,
+)
 
 _socs = table("systems_on_chip")
 BOARDS: dict[str, str] = _socs["boards"]
@@ -148,7 +152,7 @@ def adapter(vendor: str, architecture: str, described: tuple[str, ...], fallback
     A chip named in `described` takes precedence. Software renderers and `fallback` adapters are processors.
     """
     vendor, architecture = vendor.casefold(), architecture.casefold()
-    texts = " ".join(described).casefold()
+    texts = " ".join((vendor, *described)).casefold()
     renderer = SOFTWARE.get(vendor, {}).get(architecture) or next(
         (name for words, name in _adapters["described"].items() if words in texts), ""
     )
@@ -189,7 +193,7 @@ def vendor(processor_name: str, gpu: str = "", kind: str = "") -> str:
         chip = graphics(text)
         if chip is not None:
             return chip.family if chip.family in VENDORS else OTHER
-        if processor(text) or CPU_DEVICE.search(text):
+        if processor(text) or CPU_DEVICE.search(text) or RENDERER.search(text):
             return CPU_VENDOR
     return OTHER
 

@@ -1,6 +1,6 @@
 """What computed: the chip behind an OpenCL device or a WebGPU adapter, and its driver or browser.
 
-WebAssembly computes on the central processor, whatever device or adapter there is.
+Some backends compute on the central processor, whatever device or adapter there is.
 """
 
 import re
@@ -14,6 +14,7 @@ from crowd.devices.naming.rules import FLAGS, Rules, table
 UNKNOWN_CHIP = "unknown chip"
 UNKNOWN_PROCESSOR = "unknown processor"  # of a device that computed with WebAssembly
 WEBASSEMBLY = "wasm"  # the backend
+ON_PROCESSOR = frozenset({WEBASSEMBLY, "cpu"})  # the backends that compute there
 # Platforms whose devices are processors, unless the device names a graphics chip.
 CPU_PLATFORM = re.compile(r"portable computing language|pocl|oclgrind|intel\(r\) cpu|wasmtime", re.IGNORECASE)
 
@@ -49,7 +50,7 @@ def processor_of(raw: RawDevice) -> Processor:
         found = Processor(graphics.name, GPU)
     elif named := chips.processor(raw.opencl_device):
         found = Processor(named, CPU)
-    elif CPU_PLATFORM.search(raw.opencl_platform) or chips.CPU_DEVICE.search(raw.opencl_device):
+    elif _is_software(raw) or chips.CPU_DEVICE.search(raw.opencl_device):
         found = Processor("", CPU)
     else:
         found = Processor("", GPU)
@@ -88,6 +89,16 @@ def major(version: str) -> str:
     """The major number of `version`; empty if it does not start with a number."""
     match = MAJOR.match(version)
     return match[0] if match else ""
+
+
+def _is_software(raw: RawDevice) -> bool:
+    """Whether a processor computes behind the API of graphics chips.
+
+    A renderer's name may be that of the driver. A client that is no browser may describe an adapter.
+    """
+    strings = (raw.opencl_device, raw.opencl_driver, raw.gpu_device, raw.gpu_description)
+    named = CPU_PLATFORM.search(raw.opencl_platform) or any(map(chips.RENDERER.search, strings))
+    return bool(named) or raw.gpu_fallback == "true"
 
 
 def _of_the_system(raw: RawDevice) -> str:

@@ -22,7 +22,7 @@ from crowd.devices.naming.rules import one_of, table
 from crowd.records.device import HANDHELD, Device
 
 # Version of the rules; increase it with every change. Older descriptions are then derived again.
-RULES = 4
+RULES = 5
 UNKNOWN = "Unknown device"
 SLUG_LENGTH = 100
 SYSTEMS = {

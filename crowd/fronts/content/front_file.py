@@ -122,7 +122,7 @@ def check_draft(document: Mapping[str, Any]) -> Content:
         raise InvalidFrontError("not a front: it is nested too deeply") from error
     for reason in _mistakes(content):
         raise InvalidFrontError(f"not a front: {reason}")
-    return content.with_each(lambda point: replace(point, trajectory_sha256=None))
+    return content.with_each(lambda point: replace(point, trajectory_sha256=None, reference_ate=None))
 
 
 def _with_text_version(document: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from crowd.fronts import selectors, sequences
 from slam.configuration import ConfigurationError
-from slam.datasets.formats.pack import Pack
-from slam.datasets.sequence import SequenceError as DamagedError
 from slam.definitions import SYSTEMS
 from slam.kfusion.definition import KFUSION
 from wire.front import DEFAULT, Front, Point
@@ -199,7 +197,7 @@ def stage_ratios_on(
     """As `stage_ratios`, for `parameters` of kfusion over `frames` (None: all) of the sequence `sequence`."""
     both = (tuple(one.items()) for one in (default, parameters))
     try:
-        last = len(_pack(sequence)) if frames is None else frames
+        last = len(sequences.open_pack(sequence)) if frames is None else frames
         return _stage_ratios(sequence, *both, FIRST_COUNTED_FRAME, last)
     except (ConfigurationError, sequences.SequenceError):
         return None
@@ -284,22 +282,10 @@ def _plan(sequence: str, parameters: tuple[tuple[str, Any], ...], layout: str = 
     from slam.kfusion.plan import plan
     from slam.system import scene_of
 
-    return plan(Configuration.from_mapping(dict(parameters)), scene_of(_pack(sequence)), Layout(layout))
+    return plan(
+        Configuration.from_mapping(dict(parameters)), scene_of(sequences.open_pack(sequence)), Layout(layout)
+    )
 
 
 def _document(content: str) -> Document:
     return Document(content, hashlib.sha256(content.encode()).hexdigest())
-
-
-@lru_cache(maxsize=8)
-def _pack(sha256: str) -> Pack:
-    """The pack of the sequence with the digest SHA256. Raises sequences.SequenceError without one."""
-    for folder in sequences.packs():
-        try:
-            if sequences.read_description(folder)["sha256"] == sha256:
-                return Pack(folder)
-        except (DamagedError, OSError, ValueError, KeyError) as error:
-            log.warning("the pack %s cannot be read: %s", folder, error)
-    raise sequences.SequenceError(
-        f"no complete pack with digest {sha256}: put it into a folder of FRONTRUNNER_SEQUENCES"
-    )

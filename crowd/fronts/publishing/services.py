@@ -5,10 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 from django.core.exceptions import ValidationError
 from django.db import transaction
 from django.utils import timezone
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
 from crowd.audit.services import COMMAND_LINE, record
 from crowd.fronts import selectors, sequences, trajectories
@@ -17,6 +19,7 @@ from crowd.fronts.models import PERMITTED, Configuration, FrontVersion, Transiti
 from crowd.fronts.publishing import second_person
 from crowd.fronts.publishing.second_person import DRAFTED, PREPARED, REPLACED, SUBMITTED
 from slam.configuration import ConfigurationError
+from slam.definitions import SYSTEMS
 from wire.front import Content, Front, PackName
 
 State = FrontVersion.State
@@ -266,7 +269,9 @@ def _store_content(front: FrontVersion, content: Content) -> None:
         _check_plans(content)
     front.digest = front_file.digest(content)
     front.sequence = sequence
-    front.document = msgspec.json.encode(content.with_each(trajectories.named)).decode()
+    truth = _first_truth(content)
+    stored = content.with_each(lambda point: trajectories.named(point, truth))
+    front.document = msgspec.json.encode(stored).decode()
     front.save()
     front.configurations.all().delete()
     Configuration.objects.bulk_create(
@@ -297,6 +302,22 @@ def _check_plans(content: Content) -> None:
                 raise front_file.InvalidFrontError(f"not a front: {member}: {error}") from error
             except sequences.SequenceError:
                 return
+
+
+def _first_truth(content: Content) -> NDArray[np.float64] | None:
+    """The true poses (frames, 4, 4) of the frames that clients measure.
+
+    None if the sequence has none or cannot be read, or if the system may move its first pose later, so that
+    a reference's errors do not bind those of a run.
+    """
+    system = SYSTEMS.get(content.application)
+    if system is None or system.revises:
+        return None
+    try:
+        truth = sequences.open_pack(content.sequence.sha256).truth
+    except sequences.SequenceError:
+        return None
+    return None if truth is None else truth[: content.protocol.frames]
 
 
 def _sequence(wanted: PackName) -> dict[str, Any]:

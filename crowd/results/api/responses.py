@@ -11,6 +11,8 @@ from crowd.records.record import answer, fill
 from crowd.records.session import SessionRow
 from crowd.records.speedup import Speedup
 from crowd.results.api.session_responses import SessionAnswer, session
+from crowd.results.figures.dry_run import Judgement
+from crowd.results.models import State
 from crowd.results.reading.rows import Headline, ModelOutcomes, SubmissionRow
 from crowd.results.reading.transferring.rows import DeviceCorrelation
 
@@ -44,10 +46,24 @@ class Accepted(msgspec.Struct):
     items: list[Item]
 
 
+class JudgedConfiguration(msgspec.Struct):
+    """The state of a configuration in a session, and the code and the sentence of the rule that applies."""
+
+    session: UUID
+    configuration: str
+    state: str
+    reason: str
+    meaning: str
+
+
 class Checked(msgspec.Struct):
-    """The result of a dry run. Nothing was stored."""
+    """The result of a dry run. Nothing was stored.
+
+    `judged`: what the accepted runs say of each configuration, by the rules that need no other session.
+    """
 
     items: list[Item]
+    judged: list[JudgedConfiguration]
 
 
 class SubmissionState(msgspec.Struct):
@@ -240,6 +256,16 @@ def correlated(row: DeviceCorrelation) -> Correlated:
         pearson=Coefficient(row.pearson.value, row.pearson.low, row.pearson.high),
         spearman=Coefficient(row.spearman.value, row.spearman.low, row.spearman.high),
     )
+
+
+def judged(judgements: list[Judgement]) -> list[JudgedConfiguration]:
+    """The states of configurations as JSON."""
+    return [
+        JudgedConfiguration(session, configuration, rule.state, rule.code, rule.words)
+        if rule
+        else JudgedConfiguration(session, configuration, State.VALID, "", "")
+        for session, configuration, rule in judgements
+    ]
 
 
 def submission(row: SubmissionRow, page: str) -> SubmissionState:

@@ -17,6 +17,7 @@ from crowd.http.api import Endpoint, json_response, read_body
 from crowd.http.problems import Problem, not_found
 from crowd.results import tasks
 from crowd.results.api import responses
+from crowd.results.figures import dry_run
 from crowd.results.intake import schema, storing
 from crowd.results.intake.daily_limits import Sender
 from crowd.results.privacy.own_page import own_page_path
@@ -95,7 +96,10 @@ class ValidationView(InstallationEndpoint):
         responses={200: responses.Checked},
     )
     def post(self, request: Request) -> HttpResponse:
-        return json_response({"items": storing.validate_submission(_sender(request), read_body(request))})
+        checked = storing.validate_submission(_sender(request), read_body(request))
+        items = [item.answer() for item in checked.items]
+        judgements = dry_run.judge(checked, installation_of_request(request).pk)
+        return json_response({"items": items, "judged": responses.judged(judgements)})
 
 
 class SubmissionView(InstallationEndpoint):

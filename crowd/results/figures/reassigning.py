@@ -10,7 +10,7 @@ from django.db.models import Q, QuerySet
 
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.devices.naming.chips import CPU
-from crowd.devices.naming.computing import WEBASSEMBLY, central_processor
+from crowd.devices.naming.computing import ON_PROCESSOR, central_processor
 from crowd.results import marking
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import MeasurementSession
@@ -47,8 +47,8 @@ def _reassign(key: int) -> None:
     ):
         described = description.sessions.all()
         for of_backend, processor, kind in (
-            (described.filter(backend=WEBASSEMBLY), central, CPU),
-            (described.exclude(backend=WEBASSEMBLY), description.processor, description.processor_class),
+            (described.filter(backend__in=ON_PROCESSOR), central, CPU),
+            (described.exclude(backend__in=ON_PROCESSOR), description.processor, description.processor_class),
         ):
             columns = {
                 "device": key,

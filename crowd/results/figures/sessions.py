@@ -269,10 +269,11 @@ def _summaries(
 
 def _fronts(keys: Collection[int]) -> dict[int, Front]:
     rows = FrontVersion.objects.filter(pk__in=keys).prefetch_related("configurations")
-    return {row.pk: _front(row) for row in rows}
+    return {row.pk: front_of(row) for row in rows}
 
 
-def _front(row: FrontVersion) -> Front:
+def front_of(row: FrontVersion) -> Front:
+    """What runs of the front `row` are judged by."""
     content, keys = row.content, {one.name: one.pk for one in row.configurations.all()}
     protocol = content.protocol
     return Front(

@@ -14,7 +14,7 @@ from crowd.results.intake import checks, schema, unknown_members
 from crowd.results.intake.checks import Rejection
 from crowd.results.models import MeasurementSession, Run
 from wire import session as declared
-from wire.front import Protocol
+from wire.front import Errors, Protocol
 from wire.protocol import MOST_RUNS, VERSION
 
 # Fronts by slug. A released front never changes, is never deleted, and keeps accepting measurements.
@@ -30,6 +30,7 @@ class Front:
     row: FrontVersion
     protocol: Protocol
     configurations: dict[str, Configuration]
+    reference_ate: dict[str, Errors | None]
 
 
 @dataclass
@@ -103,6 +104,7 @@ def check_submission(
         raise Problem("run_count", f"{count} runs: send 1 to {MOST_RUNS}", field="sessions")
     fronts = _read_fronts({session.front_version for session in submission.sessions})
     sessions = _stored_sessions(submission) if look_up else {}
+    cores = checks.claimed_cores(submission.device)
     items: list[Item] = []
     first: dict[UUID, schema.Session] = {}
     for index, session in enumerate(submission.sessions):
@@ -113,7 +115,7 @@ def check_submission(
             earlier = stored or first.get(session.id)
             shared = {name: getattr(earlier, name) for name in checks.SAME_IN_ALL_PARTS} if earlier else None
             refusal = checks.check_conditions(session, shared)
-        session_items = list(_session_items(index, session, extras.sessions[index], front, refusal))
+        session_items = list(_session_items(index, session, extras.sessions[index], front, refusal, cores))
         if refusal is None:
             refusal = checks.check_samples(session.samples, [item.run for item in session_items if item.run])
             _reject_all(session_items, refusal, f"sessions[{index}]")
@@ -131,7 +133,9 @@ def _read_fronts(slugs: set[str]) -> dict[str, Front]:
         rows = FrontVersion.objects.released().filter(slug__in=missing).prefetch_related("configurations")
         for row in rows:
             configurations = {configuration.name: configuration for configuration in row.configurations.all()}
-            _released_fronts[row.slug] = Front(row, row.content.protocol, configurations)
+            content = row.content
+            reference_ate = {point.name: point.reference_ate for point in content.every}
+            _released_fronts[row.slug] = Front(row, content.protocol, configurations, reference_ate)
     return {slug: _released_fronts[slug] for slug in slugs & _released_fronts.keys()}
 
 
@@ -141,6 +145,7 @@ def _session_items(
     extras: unknown_members.SessionExtras,
     front: Front | None,
     refusal: Rejection | None,
+    cores: int | None,
 ) -> Iterator[Item]:
     for number, raw in enumerate(session.runs):
         item = Item(schema.decode_id(raw), session, extras, rejection=refusal)
@@ -151,7 +156,7 @@ def _session_items(
                 item.run = schema.decode_run(raw)
                 item.extra = unknown_members.extras_of_run(raw)
                 item.rejection = checks.check_run(
-                    item.run, front.configurations, front.protocol, session.stage_clock
+                    item.run, front.reference_ate, front.protocol, session.stage_clock, cores
                 )
             except Problem as problem:
                 item.rejection = Rejection(problem.code, problem.detail, problem.field)

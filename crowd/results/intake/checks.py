@@ -2,16 +2,17 @@
 
 import math
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from crowd.devices.naming.computing import WEBASSEMBLY
 from crowd.devices.naming.raw_device import RAW_STRINGS
 from crowd.http.problems import Problem
 from crowd.results.intake.schema import Session
-from wire.front import Protocol
-from wire.protocol import NO_STAGES
+from wire.front import Errors, Protocol
+from wire.protocol import BETWEEN_FRAMES_US, ERROR_ROUNDING, NO_STAGES, STAGE_TOLERANCE
 from wire.session import MAX_FRAME_US, MAX_THREADS, Run, Sample
 
 MAX_STAGES = 16
@@ -22,6 +23,7 @@ RUN_SECONDS = 240
 DURATION_FACTOR = 10
 MAX_DEVICE_DEPTH = 8
 MAX_EXTRA_DEPTH = 8
+CORES = re.compile(r"[1-9][0-9]{0,3}")
 # Words in the name of a member that can identify or locate a person.
 PERSONAL_WORDS = frozenset(
     {
@@ -62,6 +64,7 @@ DEVIATION_MISSING = Rejection(
     "deviation is missing: send the largest distance of a position from the reference trajectory, in metres",
     "deviation",
 )
+ERRORS = ("ate_mean", "ate_rmse", "ate_max")  # of a run, the least first
 # Members of a session that all its parts share: its runs are compared with each other.
 SAME_IN_ALL_PARTS = ("stage_clock", "threads")
 
@@ -161,10 +164,24 @@ def check_conditions(session: Session, earlier: Mapping[str, Any] | None) -> Rej
     return None
 
 
+def claimed_cores(device: Mapping[str, Any]) -> int | None:
+    """How many processors `device`, the description of one, says that it has; None if it does not say."""
+    count = device.get("cpu_count")
+    return int(count) if isinstance(count, str) and CORES.fullmatch(count) else None
+
+
 def check_run(
-    run: Run, configurations: Collection[str], protocol: Protocol, stage_clock: str | None
+    run: Run,
+    configurations: Mapping[str, Errors | None],
+    protocol: Protocol,
+    stage_clock: str | None,
+    cores: int | None = None,
 ) -> Rejection | None:
-    """Why `run` is rejected, from its values; None for a valid run. `stage_clock` is its session's."""
+    """Why `run` is rejected, from its values; None for a valid run.
+
+    `configurations`: by name, the errors of the reference trajectory, None where they are not known.
+    `stage_clock` is its session's. `cores`: the processors that its device claims.
+    """
     if run.configuration not in configurations:
         return Rejection(
             "unknown_configuration",
@@ -188,7 +205,13 @@ def check_run(
         return Rejection("stages_without_clock", text, "stages_us")
     if run.status == "ok" and run.deviation is None:
         return DEVIATION_MISSING
-    return _check_times(run, protocol) or _check_tracked(run) or _check_errors(run)
+    return (
+        _check_times(run, protocol)
+        or _check_processor_time(run, protocol, cores)
+        or _check_tracked(run)
+        or _check_errors(run)
+        or _check_reference(run, configurations[run.configuration])
+    )
 
 
 def check_samples(samples: Sequence[Sample], runs: Sequence[Run]) -> Rejection | None:
@@ -235,6 +258,21 @@ def _check_times(run: Run, protocol: Protocol) -> Rejection | None:
     return None
 
 
+def _check_processor_time(run: Run, protocol: Protocol, cores: int | None) -> Rejection | None:
+    """The threads of a run cannot compute for longer than all `cores` did."""
+    if run.cpu_us is None or cores is None:
+        return None
+    counted = run.frame_us[protocol.first_counted_frame :]
+    most = cores * (STAGE_TOLERANCE * sum(counted) + BETWEEN_FRAMES_US * len(counted))
+    if run.cpu_us <= most:
+        return None
+    text = (
+        f"cpu_us is {run.cpu_us}, but cpu_count is {cores} and the counted frames took {sum(counted)} "
+        "microseconds: send the processor time of these frames alone, in microseconds"
+    )
+    return Rejection("processor_time_too_large", text, "cpu_us")
+
+
 def _check_tracked(run: Run) -> Rejection | None:
     frames = len(run.frame_us)
     reported = len(run.tracked) if isinstance(run.tracked, list) else run.tracked
@@ -248,10 +286,41 @@ def _check_tracked(run: Run) -> Rejection | None:
 
 
 def _check_errors(run: Run) -> Rejection | None:
-    for field in ("ate_max", "ate_mean", "ate_rmse", "deviation"):
+    for field in (*ERRORS, "deviation"):
         value = getattr(run, field)
         if value is not None and (value < 0 or not math.isfinite(value)):
             return Rejection(
                 "negative_error", f"{field} is {value}: a distance in metres is 0 or more", field
             )
+    known = [(field, value) for field in ERRORS if (value := getattr(run, field)) is not None]
+    for (field, value), (larger, most) in pairwise(known):
+        if value > most + ERROR_ROUNDING:
+            text = (
+                f"{field} is {value} and {larger} {most}: the mean is at most the rmse, the rmse the largest"
+            )
+            return Rejection("errors_out_of_order", text, field)
+    return None
+
+
+def _check_reference(run: Run, reference: Errors | None) -> Rejection | None:
+    """The errors of a run differ from those of the `reference` trajectory by twice its deviation at most.
+
+    Let r and q be the positions of the run and of the reference. Both cameras start without rotation, so the
+    same rotation R lays each first pose on the true one, at t: R (r - r0) + t and R (q - q0) + t. In each
+    frame these differ by |(r - q) - (r0 - q0)|, which is at most twice the deviation. So do their distances
+    from the truth, and by the triangle inequality the largest of these, their mean and their root mean
+    square. ERROR_ROUNDING is for what clients round.
+    """
+    if reference is None or run.deviation is None:
+        return None
+    most = 2 * run.deviation + ERROR_ROUNDING
+    for field in reversed(ERRORS):
+        value, right = getattr(run, field), getattr(reference, field)
+        if value is not None and abs(value - right) > most:
+            text = (
+                f"{field} is {value:.3g} m, that of the reference trajectory {right:.3g} m: with a deviation "
+                f"of {run.deviation:.3g} m they differ by {most:.3g} m at most. Rotate the positions into "
+                "the frame of the first true pose before you compare them with the truth"
+            )
+            return Rejection("error_contradicts_deviation", text, field)
     return None

@@ -3,7 +3,6 @@
 import hashlib
 import json
 from dataclasses import dataclass
-from typing import Any
 
 import msgspec
 from django.db import IntegrityError, transaction
@@ -117,8 +116,8 @@ def _submissions_by_key() -> "QuerySet[Submission, tuple[str, str]]":
 _answer_query = CompiledQuery(_submissions_by_key)
 
 
-def validate_submission(sender: Sender, body: bytes) -> list[dict[str, Any]]:
-    """What accept_submission would answer for each run of `body`. Nothing is stored.
+def validate_submission(sender: Sender, body: bytes) -> admission.CheckedSubmission:
+    """What accept_submission would decide on each run of `body`. Nothing is stored.
 
     Raises the same problems, except that of a closed intake.
     """
@@ -127,7 +126,7 @@ def validate_submission(sender: Sender, body: bytes) -> list[dict[str, Any]]:
     checked = admission.check_submission(parsed, sender.installation, look_up=True)
     checked.refuse_if_all_bad()
     check_device(sender.installation, parsed.submission.device)
-    return [item.answer() for item in checked.items]
+    return checked
 
 
 def refuse_outdated(app_version: str, current: Policy) -> None:
@@ -192,8 +191,8 @@ def _store(sender: Sender, submission: Submission, checked: admission.CheckedSub
         if uuid not in checked.sessions
     }
     sessions = {uuid: checked.sessions.get(uuid) or made[uuid] for uuid in named}
-    runs = [_run_row(item, checked.fronts[item.session.front_version]) for item in new]
-    frames = [_frames_row(item, run) for item, run in zip(new, runs, strict=True)]
+    runs = [run_row(item, checked.fronts[item.session.front_version]) for item in new]
+    frames = [frames_row(item, run) for item, run in zip(new, runs, strict=True)]
     count_rows(sender, [submission, *made.values(), *runs, *frames], raw)
     insert([submission])
     insert_keyed(list(made.values()))
@@ -242,7 +241,7 @@ def _session_row(
     )
 
 
-def _run_row(item: admission.Item, front: admission.Front) -> Run:
+def run_row(item: admission.Item, front: admission.Front) -> Run:
     """The run of `item`, without its session. A task judges it later."""
     run = item.run
     assert run is not None  # an item without a run is rejected
@@ -268,7 +267,7 @@ def _run_row(item: admission.Item, front: admission.Front) -> Run:
     )
 
 
-def _frames_row(item: admission.Item, row: Run) -> RunFrames:
+def frames_row(item: admission.Item, row: Run) -> RunFrames:
     """The frames of `row`, the run of `item`."""
     run = item.run
     assert run is not None  # an item without a run is rejected

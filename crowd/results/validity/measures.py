@@ -41,6 +41,21 @@ def skipped_shares(skipped: NDArray[np.bool_], first_counted_frame: int) -> NDAr
     return shares
 
 
+def skipped_take_longer(
+    frame_us: NDArray[np.generic], skipped: NDArray[np.bool_], first_counted_frame: int
+) -> NDArray[np.bool_]:
+    """Whether the median counted frame that a run left out took longer than the one that it computed, (n,).
+
+    `frame_us` and `skipped` are (n, frames). False for a run that left out none of them, or all.
+    """
+    counted, left_out = frame_us[:, first_counted_frame:], skipped[:, first_counted_frame:]
+    longer = np.zeros(len(counted), dtype=bool)
+    for row in np.flatnonzero(left_out.any(axis=1) & ~left_out.all(axis=1)):
+        series, out = counted[row], left_out[row]
+        longer[row] = np.median(series[out]) > np.median(series[~out])
+    return longer
+
+
 def stages_exceed_frames(
     frame_us: NDArray[np.generic], names: Sequence[str], stages_us: NDArray[np.generic]
 ) -> NDArray[np.bool_]:

@@ -133,6 +133,13 @@ SKIPPED_SHARE = Rule(
     SKIPPED_TOLERANCE,
     "it left out more or fewer frames than the reference does, so its time is that of other work",
 )
+SKIPPED_TIMES = Rule(
+    "skipped_times",
+    State.SUSPECT,
+    Scope.RUN,
+    None,
+    "the frames that it left out took longer than those that it computed",
+)
 STAGES_EXCEED_FRAMES = Rule(
     "stages_exceed_frames",
     State.SUSPECT,
@@ -167,7 +174,7 @@ RULES: dict[str, Rule] = {
     for rule in (
         FAILED, FRAME_COUNT, ATE_MISSING, ATE_ABOVE_LIMIT, DEVIATION_ABOVE_BAND, IMPLAUSIBLE_TIME, MODERATED,
         IDENTICAL_SERIES, NO_PAIR, RELEASED, EMULATOR, INCOMPLETE_PAIRS, UNBALANCED_ORDER, CONTENDED,
-        SPEEDUP_CHANGED, SKIPPED_SHARE, STAGES_EXCEED_FRAMES, IMPOSSIBLE_SPEEDUP, IMPLAUSIBLE_SPEEDUP,
-        OUTLIER,
+        SPEEDUP_CHANGED, SKIPPED_SHARE, SKIPPED_TIMES, STAGES_EXCEED_FRAMES, IMPOSSIBLE_SPEEDUP,
+        IMPLAUSIBLE_SPEEDUP, OUTLIER,
     )
 }  # fmt: skip

@@ -103,7 +103,7 @@ def judge_runs(sessions: Mapping[int, SessionContext], decisions: Decisions) -> 
     # Not by the database, which would carry the times along.
     runs.sort(key=lambda run: (run.session_id, run.repeat, run.pk))
     before = [_derived_values(run) for run in runs]
-    _judge_all(runs, sessions)
+    judge_alone(runs, sessions)
     copies = _copied_runs(runs, sessions)
     judged: dict[int, list[StoredRun]] = defaultdict(list)
     for run in runs:
@@ -119,7 +119,7 @@ def judge_runs(sessions: Mapping[int, SessionContext], decisions: Decisions) -> 
     return judged
 
 
-def _judge_all(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContext]) -> None:
+def judge_alone(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContext]) -> None:
     """Judge each of `runs` by itself, together with those of the same front, frames and stages."""
     same: dict[Hashable, list[StoredRun]] = defaultdict(list)
     for run in runs:
@@ -139,14 +139,17 @@ def _judge_batch(runs: Sequence[StoredRun], front: Front) -> None:
     names = runs[0].stages
     stages = packing.unpack_many([run.stages_us for run in runs]) if names else frames[:, :0]
     exceeding = measures.stages_exceed_frames(frames, names, stages)
-    skipped = measures.skipped_shares(_skipped_frames(runs, size, front), first).tolist()
-    for run, mean, enough, exceeds, share in zip(
-        runs, means, distinct.tolist(), exceeding.tolist(), skipped, strict=True
+    left_out = _skipped_frames(runs, size, front)
+    skipped = measures.skipped_shares(left_out, first).tolist()
+    longer = measures.skipped_take_longer(frames, left_out, first)
+    for run, mean, enough, exceeds, share, is_longer in zip(
+        runs, means, distinct.tolist(), exceeding.tolist(), skipped, longer.tolist(), strict=True
     ):
         run.mean_us = mean
         run.fingerprint = fingerprint(run.frame_us) if enough else None
         suspicions = {
             rules.SKIPPED_SHARE: not _skips_as_reference(run, share, front),
+            rules.SKIPPED_TIMES: is_longer,
             rules.STAGES_EXCEED_FRAMES: exceeds,
         }
         suspicion = next((rule for rule, applies in suspicions.items() if applies), None)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from crowd.fronts import manifests
+from crowd.fronts import manifests, sequences
 from crowd.fronts.content import plans
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing.services import publish_content
@@ -85,7 +85,7 @@ def front(transactional_db: None, settings: Any, published: Published) -> FrontV
     """The front, published on this test's server."""
     settings.FRONTRUNNER_SEQUENCES = [published.sequences]
     settings.FRONTRUNNER_QUORUM = 3
-    for cache in (plans._pack, plans._build, plans._plans_of_fronts, manifests._build):
+    for cache in (sequences.open_pack, plans._build, plans._plans_of_fronts, manifests._build):
         cache.cache_clear()
     return publish_content(published.document)[0]
 

@@ -39,7 +39,11 @@ def test_a_payload_that_would_be_taken_is_said_to_be_and_leaves_nothing(
     code, out, error = terminal("check", good, "--server", live_server.url)
 
     assert code == 0, error
-    assert out == f"{good}: 4 of 4 runs would be accepted\n"
+    assert out.splitlines() == [
+        f"{good}: 4 of 4 runs would be accepted",
+        "  default: valid",
+        "  best: valid",
+    ]
     assert MeasurementSession.objects.count() == Installation.objects.count() == 0
 
 
@@ -57,7 +61,44 @@ def test_errors_are_listed_run_by_run_and_file_by_file(
     assert code == 1
     assert lines[0] == f"{files[0]}: 3 of 4 runs would be accepted"
     assert "frame_count at sessions[0].runs[2].frame_us" in lines[1]
-    assert lines[2].startswith(f"{files[1]}: refused: device.serial_number could identify a person")
+    assert lines[2] == "  default: valid"
+    assert lines[3].startswith("  best: suspect (incomplete_pairs: a repeat of the configuration or of")
+    assert lines[4].startswith(f"{files[1]}: refused: device.serial_number could identify a person")
+
+
+def test_a_state_that_does_not_count_has_its_reason_in_each_session(
+    live_server: Any, asked: Manifest, tmp_path: Path, terminal: Terminal
+) -> None:
+    both = canned.payload(asked)
+    both["sessions"] += canned.payload(asked, seed=1)["sessions"]
+    first, second = both["sessions"]
+    for run in second["runs"]:
+        run |= {"ate_max": 0.021, "ate_mean": 0.02, "ate_rmse": 0.0205, "deviation": 0.021}
+    del first["runs"][1:3]
+
+    code, out, _ = terminal("check", written(tmp_path, "both.json", both), "--server", live_server.url)
+
+    assert code == 0
+    lines = out.splitlines()
+    assert lines[1] == f"  default of {first['id']}: valid"
+    assert [line.split(": ")[:2] for line in lines[2:]] == [
+        [f"  {name} of {second['id']}", "invalid (deviation_above_band"] for name in ("default", "best")
+    ]
+
+
+def test_errors_of_positions_that_were_not_rotated_are_named(
+    live_server: Any, asked: Manifest, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = canned.payload(asked)
+    for run in wrong["sessions"][0]["runs"]:
+        run |= {"ate_max": 0.0482, "deviation": 0.0}
+
+    path = written(tmp_path, "wrong.json", wrong)
+    assert command_line.main(["check", path, "--server", live_server.url]) == 1
+
+    out = capsys.readouterr().out
+    assert "refused: ate_max is 0.0482 m, that of the reference trajectory 0 m" in out
+    assert "(error_contradicts_deviation)" in out
 
 
 @pytest.mark.parametrize(("file", "words"), [("no.json", "is not JSON"), ("absent.json", "cannot be read")])

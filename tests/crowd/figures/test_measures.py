@@ -26,6 +26,16 @@ def test_periodic_work_counts_in_full() -> None:
     assert mean_time(([1] * 9 + [100]) * 10) == pytest.approx(10.9)
 
 
+def test_left_out_frames_that_take_longer_than_computed_ones() -> None:
+    frames = np.array([[9, 1, 5, 1, 5], [9, 5, 1, 5, 1], [9, 5, 5, 5, 5], [9, 1, 9, 1, 1]])
+    skipped = np.array([[0, 1, 0, 1, 0], [0, 1, 0, 1, 0], [0, 1, 1, 1, 1], [1, 0, 0, 0, 0]], dtype=bool)
+
+    longer = measures.skipped_take_longer(frames, skipped, 1)
+
+    # The third computed no counted frame, the fourth left out none.
+    assert longer.tolist() == [False, True, False, False]
+
+
 def test_a_run_without_counted_frames_has_no_mean() -> None:
     with pytest.raises(ValueError, match="from frame 10 on"):
         mean_time([1] * 10)

@@ -12,7 +12,7 @@ import pytest
 from django.conf import LazySettings
 from django.test import Client
 
-from crowd.fronts import manifests, selectors
+from crowd.fronts import manifests, selectors, sequences
 from crowd.fronts.content import plans
 from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.publishing import services
@@ -57,7 +57,7 @@ def shipped(published: None, db: None, settings: LazySettings) -> None:
 
 
 def forget_plans() -> None:
-    for cache in (plans._pack, plans._build, plans._plans_of_fronts, manifests._build):
+    for cache in (sequences.open_pack, plans._build, plans._plans_of_fronts, manifests._build):
         cache.cache_clear()
 
 

@@ -10,6 +10,7 @@ from crowd.results.models import Run
 from tests.builders.crowds import Join, send
 from tests.builders.documents import (
     FRAMES,
+    device_document,
     front_document,
     run_document,
     session_document,
@@ -34,6 +35,9 @@ RUNS: list[tuple[dict[str, Any], str, str]] = [
     ({"frame_us": TOO_LONG}, "time_too_large", "frame_us"),
     ({"frame_us": [0] * FRAMES, "stages_us": {}}, "zero_time", "frame_us"),
     ({"ate_max": -0.01}, "negative_error", "ate_max"),
+    ({"ate_mean": 0.0095}, "errors_out_of_order", "ate_mean"),
+    ({"ate_rmse": 0.0125}, "errors_out_of_order", "ate_rmse"),
+    ({"ate_rmse": None, "ate_mean": 0.0125}, "errors_out_of_order", "ate_mean"),
     ({"configuration": "fastest"}, "unknown_configuration", "configuration"),
 ]
 # What is wrong in the only session: status, code and field.
@@ -159,6 +163,31 @@ def test_a_frame_takes_at_most_a_minute(participant: Participant, member: str) -
 def test_known_backends_are_taken(participant: Participant) -> None:
     for backend in ("opencl", "webgpu", "wasm", "vulkan", "metal", "cuda", "cpu"):
         send(participant, session_document(backend=backend, threads=1 if backend == "wasm" else None))
+
+
+@pytest.mark.parametrize(
+    ("cores", "cpu_us", "code"),
+    [
+        ("2", 3_000_000, None),
+        ("2", 4_000_000, "processor_time_too_large"),
+        ("4", 4_000_000, None),
+        (None, 4_000_000, None),
+        ("many", 4_000_000, None),
+        ("2", None, None),
+    ],
+)
+def test_threads_compute_no_longer_than_all_processors(
+    participant: Participant, cores: str | None, cpu_us: int | None, code: str | None
+) -> None:
+    """90 frames of 10 ms are 0.9 s on each; as much again for what is done between frames."""
+    taken, asked = run_document("best", 0, 0, 10_000), run_document("best", 1, 1, 10_000, cpu_us=cpu_us)
+    described = device_document(cpu_count=cores)
+
+    response = participant.submit(
+        submission_document(session_document(runs=[taken, asked]), device=described)
+    )
+
+    assert [item["code"] for item in response.json()["items"]] == [None, code]
 
 
 def test_no_runs_and_too_many(participant: Participant) -> None:

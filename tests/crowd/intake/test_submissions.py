@@ -199,6 +199,8 @@ def test_a_dry_run_answers_alike_and_stores_nothing(participant: Participant) ->
 
     assert response.status_code == 200
     assert {item["status"] for item in response.json()["items"]} == {"accepted"}
+    judged = [(one["configuration"], one["state"]) for one in response.json()["judged"]]
+    assert judged == [("default", "valid"), ("best", "valid")]
     assert not Submission.objects.exists()
     assert not MeasurementSession.objects.exists()
 

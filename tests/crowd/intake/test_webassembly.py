@@ -77,6 +77,17 @@ def test_pages_api_open_data_and_own_data_show_the_threads(client: Client, parti
     assert (exported["backend"], exported["threads"]) == ("wasm", 4)
 
 
+def test_the_backend_cpu_computes_on_the_processor_too(participant: Participant) -> None:
+    without = device_document(opencl_platform=None, opencl_device=None)
+    for device in (without, device_document("Pixel 8", os_version="15")):
+        sent = session_document(backend="cpu")
+        participant.submit(submission_document(sent, device=device))
+        session = MeasurementSession.objects.get(uuid=sent["id"])
+        assert processor(session) == ("Google Tensor G3", "cpu")
+        renormalised()
+        assert processor(session) == ("Google Tensor G3", "cpu")
+
+
 def test_no_other_session_shows_threads(client: Client, participant: Participant) -> None:
     sent = measure(participant)
 

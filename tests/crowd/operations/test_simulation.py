@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from django.conf import LazySettings
 from django.test import Client
 from django.utils import timezone
 
@@ -16,7 +17,8 @@ from crowd.devices.naming.computing import processor_of
 from crowd.devices.naming.identity import identify
 from crowd.devices.naming.raw_device import RawDevice
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.fronts.publishing.services import publish_content
+from crowd.fronts import sequences
+from crowd.fronts.publishing.services import publish_content, publish_file
 from crowd.predictions.models import ProbeAssignment
 from crowd.predictions.tables import chip_series
 from crowd.results.figures import recomputing
@@ -29,9 +31,12 @@ from crowd.simulation.stages import STAGES, frame_stages, stage_shares
 from crowd.simulation.transport import Transport
 from tests.builders.documents import BAND, STANDARD, front_document, trajectory
 from tests.builders.participant import API
+from tests.shipped import KFUSION, LIVING_ROOM
+from wire.front import Errors
 
 TODAY = datetime(2026, 11, 20, tzinfo=UTC)
 Configurations = tuple[made_up.Configuration, ...]
+ERRORS = Errors(0.01, 0.004, 0.005)
 PACK = {"name": "test-sequence", "sha256": "0" * 64}
 
 
@@ -53,7 +58,7 @@ def test_the_same_seed_makes_the_same_crowd(configurations: Configurations) -> N
 def test_the_crowd_of_another_front_has_the_same_devices(
     configurations: Configurations,
 ) -> None:
-    other = [made_up.Configuration(str(n), {"icp_weight": n + 1}, 0.1, 0.01, BAND, {}) for n in range(5)]
+    other = [made_up.Configuration(str(n), {"icp_weight": n + 1}, 0.1, ERRORS, BAND, {}) for n in range(5)]
 
     here, there = (made_up.devices(30, front, 1) for front in (configurations, other))
 
@@ -62,7 +67,7 @@ def test_the_crowd_of_another_front_has_the_same_devices(
 
 def test_devices_of_one_family_scale_alike(configurations: Configurations) -> None:
     """What a configuration gains differs more between families than within one."""
-    wide = [made_up.Configuration(str(n), STANDARD, 0.02, 0.01, BAND, stages_of(n)) for n in range(8)]
+    wide = [made_up.Configuration(str(n), STANDARD, 0.02, ERRORS, BAND, stages_of(n)) for n in range(8)]
     gains: dict[str, list[Any]] = {}
     for device in made_up.devices(200, wide, 3):
         logs = np.log(device.seconds.mean(axis=(0, 1)))
@@ -86,7 +91,7 @@ def test_times_follow_from_what_each_stage_costs_on_a_device() -> None:
     alone = dict.fromkeys(STAGES, 1e-5) | {"tracking": 0.02}
     mixed = dict.fromkeys(STAGES, 0.005)
     front = [
-        made_up.Configuration(str(n), STANDARD, 0.02, 0.01, BAND, stages)
+        made_up.Configuration(str(n), STANDARD, 0.02, ERRORS, BAND, stages)
         for n, stages in enumerate([alone, alone, mixed])
     ]
 
@@ -130,12 +135,36 @@ def test_without_stages_a_stage_that_comes_rarely_has_a_smaller_share() -> None:
 def test_a_session_of_every_configuration_comes_back_the_way_it_went(
     configurations: Configurations,
 ) -> None:
-    probe = made_up.Configuration("probe", STANDARD, 0.02, 0.01, BAND, {}, probe=True)
+    probe = made_up.Configuration("probe", STANDARD, 0.02, ERRORS, BAND, {}, probe=True)
     front = (*configurations, probe)
 
     names = made_up_sessions.run_order(front_document(PACK)["protocol"], front, every=True)
 
     assert names == ["default", "best", "accurate", "accurate", "best", "default"]
+
+
+def test_the_errors_of_a_run_are_at_most_twice_its_deviation_from_those_of_the_reference(
+    configurations: Configurations,
+) -> None:
+    document = front_document(PACK)
+    for point in document["configurations"]:
+        point["reference_ate"] = {"ate_max": 0.0016, "ate_mean": 0.0003, "ate_rmse": 0.0004}
+    front, manifest = made_up.read_configurations(document), document | {"front_version": "kfusion-test"}
+
+    runs = [
+        run
+        for device in made_up.devices(20, front, 0)
+        for run in made_up_sessions.session(
+            device, 0, 0, front, manifest, True, TODAY, np.random.default_rng(0)
+        )["runs"]
+        if run["status"] == "ok"
+    ]
+
+    for run in runs:
+        assert 0 <= run["ate_mean"] <= run["ate_rmse"] <= run["ate_max"]
+        for name, error in document["configurations"][0]["reference_ate"].items():
+            assert abs(run[name] - error) <= 2 * run["deviation"]
+    assert len({run["ate_max"] for run in runs}) > 20
 
 
 def test_every_description_is_recognised_as_its_familys_chip(
@@ -177,6 +206,22 @@ def test_a_crowd_measures_by_the_protocol_of_the_front(demo: None, pack: dict[st
 
     assert set(MeasurementSession.objects.values_list("protocol_version", flat=True)) == {2}
     assert set(SessionSummary.objects.values_list("pairs", "reason")) == {(4, "")}
+
+
+@pytest.mark.slow
+def test_all_runs_of_the_front_that_ships_are_taken(demo: None, settings: LazySettings) -> None:
+    """Its true poses are known, so errors and deviations bind each other."""
+    settings.FRONTRUNNER_SEQUENCES = [LIVING_ROOM.parent]
+    sequences.open_pack.cache_clear()
+    front, _ = publish_file(KFUSION)
+    assert all(point.reference_ate for point in front.content.every)
+
+    with admitting():
+        sender = crowd(4, 1)
+        sent = [each.document for place in range(4) for each in sender._sessions(place)]
+        *_, last = sender.send()
+
+    assert last.runs == sum(len(session["runs"]) for session in sent)
 
 
 @pytest.mark.slow
