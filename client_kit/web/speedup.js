@@ -2,6 +2,8 @@
 
 const MICROSECONDS = 1e6;
 const LEAST_PAIRS = 3; // pairs needed for an interval: two pairs give a uselessly wide one
+const WIDEST_INTERVAL = 1.5; // its upper end over its lower one: a wider one is shown without its point
+const SLOWDOWN_LEVEL = 0.05; // of the chance that the later runs are the slower ones
 const LEAST_DEVIATION = 0.03; // of the log ratios of pairs: a smaller one of few pairs is chance
 // Student's t, two-sided 95 % and 99 %, for 1 to 24 degrees of freedom: a session has at most 25 pairs of runs.
 const QUANTILES_95 = [
@@ -116,6 +118,40 @@ function speedupChanges(logs) {
   const change = Math.abs(mean(second) - mean(first));
   const deviation = Math.max(Math.sqrt((variance(first) + variance(second)) / 2), LEAST_DEVIATION);
   return change > QUANTILES_99[2 * half - 3] * deviation * Math.sqrt(2 / half);
+}
+
+/**
+ * Whether the interval of a speedup is too wide to show one number for it; false without one.
+ * @param {Speedup} speedup
+ * @returns {speedup is Speedup & {low: number, high: number}}
+ */
+export function isWide(speedup) {
+  const { low, high } = speedup;
+  return low !== null && high !== null && high > WIDEST_INTERVAL * low;
+}
+
+/**
+ * How many times longer the later runs of a session took; null where that can be chance, or did not last.
+ *
+ * In each configuration, every run of the second half took longer than every run of the first, by LEAST_DEVIATION.
+ * @param {Run[]} runs of one session
+ * @param {Counting} protocol
+ * @returns {number | null}
+ */
+export function slowedDown(runs, protocol) {
+  const good = runs.filter(({ status }) => status === "ok").sort((a, b) => a.order - b.order);
+  const changes = [];
+  let chance = 1;
+  for (const name of new Set(good.map(({ configuration }) => configuration))) {
+    const times = good.filter(({ configuration }) => configuration === name).map((run) => meanSeconds(run, protocol));
+    const half = Math.floor(times.length / 2);
+    if (!half) continue;
+    const [earlier, later] = [times.slice(0, half), times.slice(-half)];
+    if (Math.min(...later) <= Math.exp(LEAST_DEVIATION) * Math.max(...earlier)) return null;
+    for (let each = 1; each <= half; each++) chance *= each / (half + each);
+    changes.push(Math.log(mean(later) / mean(earlier)));
+  }
+  return chance <= SLOWDOWN_LEVEL ? Math.exp(mean(changes)) : null;
 }
 
 /**

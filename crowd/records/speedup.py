@@ -8,6 +8,7 @@ from crowd.records import shared
 from crowd.records.device import Device
 from crowd.records.record import Record, means, shows
 from crowd.records.uncertainty import Estimate, figure_estimate
+from wire.session_statistics import wide_range
 
 
 class Speedup(Record, frozen=True, kw_only=True):
@@ -99,6 +100,11 @@ class Speedup(Record, frozen=True, kw_only=True):
     def counts(self) -> bool:
         """Whether it counts in the headline, rankings and cards."""
         return self.confirmed and not self.suspect
+
+    @property
+    def range(self) -> tuple[float, float] | None:
+        """What is shown in place of the speedup: the interval of its only session, if that is wide."""
+        return wide_range(self.session_low, self.session_high) if self.low is None else None
 
     @property
     def key(self) -> str:

@@ -124,6 +124,13 @@ class Session(msgspec.Struct):
         ]
         | None
     ) = None
+    threads_claimed: (
+        Annotated[
+            SmallInteger,
+            msgspec.Meta(description="how many processors a browser says it has, which may be untrue"),
+        ]
+        | None
+    ) = None
     blocks_repeated: SmallInteger | None = None
     samples: Annotated[list[Sample], msgspec.Meta(max_length=5_000)] = []
 
