@@ -27,17 +27,18 @@ def crowd(
     configuration: str,
     uncounted: int = 0,
     outcomes: ModelOutcomes | None = None,
+    wide: tuple[float, float] | None = None,
 ) -> str:
     """On how many device models `configuration` is faster, and their `mean`.
 
     `speedups` has a number per counted model; `uncounted` others were measured. `outcomes`: on how many it
-    failed, which have no speedup.
+    failed, which have no speedup. `wide`: the interval that is shown in place of a single speedup.
     """
     if not speedups:
         return _none_counts(uncounted)
     if len(speedups) == 1:
         kind = "confirmed device" if uncounted else "device"
-        return f"One {kind} so far: {configuration} is {_gain(speedups[0])}"
+        return f"One {kind} so far: {configuration} is {_gain(speedups[0], wide)}"
     faster = sum(speedup > 1 for speedup in speedups)
     if len(speedups) == 2:
         values = f"{formats.speedup(max(speedups))} and {formats.speedup(min(speedups))}"

@@ -67,7 +67,7 @@ def of_crowd(crowd: Speedups) -> Card:
     missing = f". Not in it: {others.words}" if others.devices else ""
     return Card(
         title=f"{start} {words}",
-        figure=formats.gain(line.mean),
+        figure=formats.gain(line.mean, line.range),
         note=f"{label}{_certainty(line)}{missing}. {private_notice()}".removesuffix(". "),
         scope=scope,
         bars=tuple(row.speedup for row in confirmed_only(crowd.rows)),

@@ -125,7 +125,7 @@ def test_of_one_session_with_a_wide_interval_every_page_shows_the_range_until_an
     point, interval = formats.speedup(answer["speedup"]), formats.interval(answer["low"], answer["high"])
     own = own_page_path(Installation.objects.get())
 
-    for address in (device_page, session_page, own, "/search/?q=pixel"):
+    for address in (device_page, session_page, own, "/devices/", "/", "/search/?q=pixel"):
         page = client.get(address).content.decode()
         assert interval in page, address
         assert point not in page, address
