@@ -12,7 +12,7 @@ ERROR_ROUNDING = 1e-4  # metres: by so much may a client round its errors and it
 # A run that has lost the camera in more of its frames than this has failed, however fast it was.
 MOST_LOST = 0.5
 LEAST_MATCHED = 0.8  # share of a run's frames that need a true pose for its trajectory to count
-MAX_DRIFT = 1.15  # later repeats over earlier ones: a device that slows down more is hot or busy
+MAX_DRIFT = 1.15  # later repeats over earlier ones: pages point out more, and such a device gets no probes
 DECODED_AHEAD = 100  # frames that are decoded before they are measured: 61 MB of depth at 640x480
 VERSION = 2  # of the protocol that clients measure by
 PAIRS = 4  # of default and best in a session

@@ -115,6 +115,13 @@ class Session(msgspec.Struct, frozen=True, omit_defaults=True):
         ]
         | None
     ) = None
+    threads_claimed: (
+        Annotated[
+            SmallInteger,
+            msgspec.Meta(description="how many processors a browser says it has, which may be untrue"),
+        ]
+        | None
+    ) = None
     blocks_repeated: SmallInteger | None = None
     samples: Annotated[list[Sample], msgspec.Meta(max_length=MAX_SAMPLES)] = []
 

@@ -6,11 +6,11 @@ cancels in their mean. client_kit/web/speedup.js computes the same for browsers.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev, variance
 
-from wire.protocol import LEAST_PAIRS, MAX_DRIFT
+from wire.protocol import LEAST_PAIRS
 
 # Student's t, two-sided 95 % and 99 %, for 1 to 24 degrees of freedom: a session has at most 25 pairs. The
 # client's requirements do not include SciPy.
@@ -30,15 +30,17 @@ LEVEL = 0.01
 # a frame, but between two parts of the processor time (docs/research/contention.md).
 WAITED_A_FRAME_US = 3_500
 LEAST_WAITED, MOST_WAITED = 0.25, 0.7
+# An interval whose upper end is more than so many times its lower end is shown without its point.
+WIDEST_INTERVAL = 1.5
+# The largest chance at which the later runs of all configurations being the slower ones is still told.
+SLOWDOWN_LEVEL = 0.05
 # Where a system does not say that: the part of the most cores that a run must keep busy, where the processor
 # and not a GPU does the work.
 LEAST_CORES, BUSY_CORES = 0.9, 0.5
-# Beside other programs, processor time compares two configurations as the clock does without them, but for an
-# error of this standard deviation (of the logarithm): caches and cores are shared in other ways.
+# Beside other programs, a ratio of processor times differs from that of the clock on idle cores by this
+# standard deviation of the logarithm, because caches and cores are shared.
 PROCESSOR_DEVIATION = 0.15
 NORMAL_95 = 1.96
-# A speedup whose interval has ends that differ by more than this factor is shown as a range.
-WIDE = 1.5
 WALL, PROCESSOR = "wall", "processor"  # clocks
 
 
@@ -71,16 +73,6 @@ class Speedup:
     @property
     def high(self) -> float | None:
         return None if self.interval is None else math.exp(self.interval[1])
-
-    @property
-    def wide(self) -> bool:
-        """Whether it is shown as a range, without its value."""
-        return is_wide(self.low, self.high)
-
-
-def is_wide(low: float | None, high: float | None) -> bool:
-    """Whether a figure between `low` and `high` is shown as a range, without its value."""
-    return low is not None and high is not None and high > WIDE * low
 
 
 @dataclass(frozen=True)
@@ -181,6 +173,34 @@ def speedup_changes(log_ratios: Sequence[float]) -> bool:
     return change > _quantile(QUANTILES_99, 2 * half - 2) * deviation * math.sqrt(2 / half)
 
 
+def wide_range(low: float | None, high: float | None) -> tuple[float, float] | None:
+    """The interval from `low` to `high` if it is too wide to show one number for it; else None."""
+    if low is None or high is None or high <= WIDEST_INTERVAL * low:
+        return None
+    return low, high
+
+
+def slowed_down(times: Iterable[Sequence[float]]) -> float | None:
+    """How many times longer the later runs of a session took; None where that can be chance, or did not last.
+
+    `times`: of each configuration, the times of its runs in the order measured, in one unit. In each, every
+    run of the second half took longer than every run of the first, by LEAST_DEVIATION. The middle one of an
+    odd number is left out, and so are configurations with one run. Chance, however large, does that in at
+    most SLOWDOWN_LEVEL of sessions. The result is the geometric mean over the configurations.
+    """
+    chance, changes = 1.0, []
+    for series in times:
+        half = len(series) // 2
+        if not half:
+            continue
+        earlier, later = series[:half], series[-half:]
+        if min(later) <= math.exp(LEAST_DEVIATION) * max(earlier):
+            return None
+        chance /= math.comb(2 * half, half)
+        changes.append(math.log(fmean(later) / fmean(earlier)))
+    return math.exp(fmean(changes)) if chance <= SLOWDOWN_LEVEL else None
+
+
 def drift(times: Sequence[float]) -> float | None:
     """The mean of the second half of the `times` of a configuration's runs, in order, over that of the first.
 
@@ -188,11 +208,6 @@ def drift(times: Sequence[float]) -> float | None:
     """
     half = len(times) // 2
     return fmean(times[-half:]) / fmean(times[:half]) if half else None
-
-
-def has_drifted(ratio: float | None) -> bool:
-    """Whether the later runs took much more or much less time than the earlier ones."""
-    return ratio is not None and abs(math.log(ratio)) > math.log(MAX_DRIFT)
 
 
 def _quantile(quantiles: Sequence[float], degrees: int) -> float:

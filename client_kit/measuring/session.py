@@ -98,10 +98,14 @@ class Session(declared.Session, frozen=True):
         )
         return session_statistics.compare(base, own, self.on_processor)
 
-    def drift(self, configuration: str, protocol: Protocol) -> float | None:
-        """The slowdown of the second half of its good runs over the first; None for fewer than two."""
-        good = [run for run in self.of(configuration) if run.status == "ok"]
-        return session_statistics.drift([run.mean_seconds(protocol) for run in good])
+    def slowed_down(self, protocol: Protocol) -> float | None:
+        """How many times longer the later runs of all configurations took, see
+        `session_statistics.slowed_down`."""
+        good = sorted((run for run in self.runs if run.status == "ok"), key=lambda run: run.order)
+        times: dict[str, list[float]] = {}
+        for run in good:
+            times.setdefault(run.configuration, []).append(run.mean_seconds(protocol))
+        return session_statistics.slowed_down(times.values())
 
 
 def begin(asked: Manifest, backend: str, threads: int | None, on_processor: bool = False) -> Session:

@@ -7,9 +7,12 @@ from typing import Any
 from client_kit.delivery.manifest import Manifest
 from client_kit.measuring.session import Run, Session
 from wire.front import DEFAULT
-from wire.session_statistics import PROCESSOR, has_drifted
+from wire.session import OptionalReading
+from wire.session_statistics import PROCESSOR, wide_range
 
 BAR = 28
+# Of the later half of a session's readings over the earlier one: a smaller change explains no slowdown.
+LEAST_HEATING_C, LEAST_CLOCK_LOSS = 5.0, 0.05
 
 
 def run_lines(run: Run, asked: Manifest, adapts: bool = False) -> list[str]:
@@ -49,12 +52,10 @@ def figures(session: Session, asked: Manifest) -> list[str]:
     for name in names:
         if name != DEFAULT:
             lines += _speedup(session, name, asked)
-    for name in names:
-        drift = session.drift(name, asked.protocol)
-        if drift is not None and drift > 1 and has_drifted(drift):
-            disturbed = any(run.configuration == name for run in session.contended(asked.protocol))
-            why = "while other programs ran" if disturbed else "as a device does that gets hot"
-            lines.append(f"{name} slowed down by {100 * (drift - 1):.0f} % within the session, {why}")
+    slower = session.slowed_down(asked.protocol)
+    if slower is not None:
+        why = _slowdown_reason(session, asked)
+        lines.append(f"The later runs of every configuration took {100 * (slower - 1):.0f} % longer: {why}.")
     return lines
 
 
@@ -98,10 +99,13 @@ def rank_line(crowd: Iterable[Mapping[str, Any]], own: float, device: str, backe
 
 
 def best_speedup(session: Session, asked: Manifest) -> tuple[str, float] | None:
-    """The configuration to compare with the crowd, `best` if it counts, with its speedup."""
+    """The configuration to compare with the crowd, `best` if it counts, with its speedup; None if that has no
+    point, see `wide_range`."""
     name = "best" if session.speedup("best", asked) else _fastest(session, asked)
     speedup = None if name is None else session.speedup(name, asked)
-    return None if name is None or speedup is None else (name, speedup.value)
+    if name is None or speedup is None or wide_range(speedup.low, speedup.high):
+        return None
+    return name, speedup.value
 
 
 def _speedup(session: Session, name: str, asked: Manifest) -> list[str]:
@@ -114,11 +118,17 @@ def _speedup(session: Session, name: str, asked: Manifest) -> list[str]:
     if speedup.low is not None and speedup.high is not None:
         interval += f", 95 % interval {speedup.low:.2f} to {speedup.high:.2f}"
     by_processor = ", by processor time" if speedup.clock == PROCESSOR else ""
-    lines = [
-        f"Speedup of {name} over default{by_processor}: {speedup.value:.2f}{slower}, mean over {counted} "
-        f"frames a run; {interval}.",
-        f"On this device {name} computes a frame in {100 / speedup.value:.0f} % of the default's time.",
-    ]
+    if wide := wide_range(speedup.low, speedup.high):
+        lines = [
+            f"Speedup of {name} over default{by_processor}: between {wide[0]:.2f} and {wide[1]:.2f}, the "
+            f"95 % interval of {speedup.pairs} pairs of runs. They differ too much to give one number."
+        ]
+    else:
+        lines = [
+            f"Speedup of {name} over default{by_processor}: {speedup.value:.2f}{slower}, mean over {counted} "
+            f"frames a run; {interval}.",
+            f"On this device {name} computes a frame in {100 / speedup.value:.0f} % of the default's time.",
+        ]
     if by_processor:
         lines.append(
             "Other programs used this processor, so processor times are compared, which is less exact. For a "
@@ -132,9 +142,29 @@ def _speedup(session: Session, name: str, asked: Manifest) -> list[str]:
     elif speedup.changed:
         lines.append(
             f"The speedup of {name} changed while it was measured, so it does not count: close other "
-            "programs, let the device cool and measure again."
+            "programs and measure again."
         )
     return lines
+
+
+def _slowdown_reason(session: Session, asked: Manifest) -> str:
+    """What the session's own readings say of its slowdown."""
+    if session.contended(asked.protocol):
+        return "other programs used this processor"
+    cold, hot = _halves([sample.temperature_c for sample in session.samples])
+    if hot - cold >= LEAST_HEATING_C:
+        return f"the device got hotter, from {cold:.0f} to {hot:.0f} °C"
+    fast, slow = _halves([sample.cpu_mhz for sample in session.samples])
+    if slow < (1 - LEAST_CLOCK_LOSS) * fast:
+        return f"the processor's clock fell from {fast:.0f} to {slow:.0f} MHz"
+    return "the processor was slower for a while"
+
+
+def _halves(readings: Sequence[OptionalReading]) -> tuple[float, float]:
+    """The means of the earlier and the later half of the `readings` that there are; 0 for fewer than two."""
+    read = [reading for reading in readings if isinstance(reading, float | int)]
+    half = len(read) // 2
+    return (fmean(read[:half]), fmean(read[-half:])) if half else (0.0, 0.0)
 
 
 def _fastest(session: Session, asked: Manifest) -> str | None:

@@ -42,7 +42,7 @@ export function sample(manifest, device, backend) {
     id: "a random number", startedAt: "2026-01-01T12:00:00Z", device, runs: [run],
     manifest: { application, front_version, protocol, consent_version },
   };
-  const threads = backend === "wasm" ? 4 : undefined;
-  const sent = payload(/** @type {any} */ (session), { backend, threads, stage_clock: "none", empty_frame_us: 212.5 });
+  const threads = backend === "wasm" && { threads: 4, threads_claimed: navigator.hardwareConcurrency };
+  const sent = payload(/** @type {any} */ (session), { backend, ...threads, stage_clock: "none", empty_frame_us: 212.5 });
   return JSON.stringify(sent, null, 2).replace(/\[\s+([^[\]{}]*?)\s+\]/g, (_, inner) => `[${inner.replace(/\s+/g, " ")}]`);
 }

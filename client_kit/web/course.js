@@ -52,7 +52,7 @@ export class Course {
    * @returns {{share: number, seconds: number | null}}
    */
   at({ phase, configuration, run, frame, frames }, time) {
-    if (phase === "preparing") this.#share = (PREPARING * frame) / frames;
+    if (phase === "preparing") this.#share = Math.max(this.#share, (PREPARING * frame) / frames);
     if (phase === "preparing" || phase === "compiling") return { share: this.#share, seconds: null };
     this.#learn(`${phase} ${run} ${configuration}`, configuration, frame, time);
     const warmingUp = phase === "checking" && run > 0; // for a run, whose frames are still to come

@@ -10,7 +10,7 @@ import { readFrames, readHeader } from "./pack.js";
 import { shade, viewOf } from "./picture.js";
 import { nextNumber } from "./plan.js";
 import { failedRun, finishedRun, isPlausible, positionsOf } from "./run-record.js";
-import { Processor } from "./processor.js";
+import { Processor, teams } from "./processor.js";
 import { MOST_BLOCKS_REPEATED, plannedRuns, runsOfABlock } from "./schedule.js";
 import { mean } from "./speedup.js";
 import { deviation } from "./trajectory.js";
@@ -20,6 +20,7 @@ import { Execution } from "./webgpu.js";
 const EMPTY_FRAMES = 50;
 // Empty frames beside a disturbed run take longer than this over the session's fastest (docs/research/contention.md).
 const MOST_SLOWER = 2;
+const FRAMES_A_TEAM = 6; // over which a number of threads is timed; the first one fills the caches
 const FRAMES_A_PROGRESS = 10;
 const LONGEST_PROGRESS_MS = 1000; // on a slow device each frame is reported
 const FRAMES_A_PICTURE = 10;
@@ -35,8 +36,8 @@ const MICROSECONDS = 1e6;
 /** @typedef {"webgpu" | "wasm"} Backend */
 /** @typedef {"device" | "wall" | "none"} StageClock */
 /**
- * What all runs of a session share. Only WebAssembly says its threads.
- * @typedef {{backend: Backend, threads?: number, stage_clock: StageClock, empty_frame_us: number}} SessionClock
+ * What all runs of a session share. Only WebAssembly says its threads, and how many the browser claims to have.
+ * @typedef {{backend: Backend, threads?: number, threads_claimed?: number, stage_clock: StageClock, empty_frame_us: number}} SessionClock
  */
 
 /**
@@ -147,6 +148,8 @@ class SessionRunner {
   /** @type {StageClock} */
   #clock;
   #timestampsBelieved = true;
+  /** Of WebAssembly. */
+  #threads = 1;
   /** Whether other programs disturbed a block after its last try, too. */
   disturbed = false;
 
@@ -160,6 +163,7 @@ class SessionRunner {
     this.frames = order.protocol.frames;
     this.runs = plannedRuns(order.protocol);
     this.left = this.runs.slice(order.done.length);
+    this.#threads = order.session?.threads ?? 1; // until they are chosen
     this.#clock = order.session?.stage_clock ?? "device"; // until the check says otherwise
   }
 
@@ -167,12 +171,13 @@ class SessionRunner {
     await this.#open();
     if (!this.left.length) return;
     await this.#decode();
+    await this.#chooseThreads();
     const emptyFrame = this.order.session?.empty_frame_us ?? median(await this.#emptyFrames());
     for (const name of new Set(this.left.map(({ configuration }) => configuration))) await this.#check(name);
     this.#settleClock();
     const { backend } = this.order;
-    const threads = this.#device instanceof Processor ? this.#device.threads : undefined;
-    this.host.send({ type: "session", backend, threads, stage_clock: this.#clock, empty_frame_us: emptyFrame });
+    const threads = this.order.module && { threads: this.#threads, threads_claimed: navigator.hardwareConcurrency };
+    this.host.send({ type: "session", backend, ...threads, stage_clock: this.#clock, empty_frame_us: emptyFrame });
     const runs = [...this.order.done];
     for (const planned of this.left) {
       if (planned.order > 0) await this.#rest();
@@ -232,7 +237,7 @@ class SessionRunner {
   async #opened() {
     if (this.#device) return this.#device;
     if (this.order.module) this.#progress("compiling", "", 0, 1);
-    this.#device = this.order.module ? await Processor.open(this.order.module) : await this.#gpu();
+    this.#device = this.order.module ? await Processor.open(this.order.module, this.#threads) : await this.#gpu();
     this.#warm.clear();
     return this.#device;
   }
@@ -277,6 +282,33 @@ class SessionRunner {
       this.#throwIfStopped();
       this.#progress("preparing", "", frame, this.frames);
     });
+  }
+
+  /**
+   * Execute WebAssembly by as many threads as compute the first frames of the default fastest. What a browser claims
+   * to have is not believed: some have fewer processors, and others are busy. A resumed session keeps its threads.
+   */
+  async #chooseThreads() {
+    const device = await this.#opened();
+    if (!(device instanceof Processor)) return;
+    let fastest = Infinity;
+    for (const threads of this.order.session ? [] : [...teams(), ...teams().reverse()]) {
+      device.threads = threads;
+      const milliseconds = await this.#millisecondsOfFirstFrames();
+      if (milliseconds < fastest) [fastest, this.#threads] = [milliseconds, threads];
+    }
+    device.threads = this.#threads;
+  }
+
+  /** @returns {Promise<number>} the median; infinite where they cannot be computed */
+  async #millisecondsOfFirstFrames() {
+    try {
+      const frames = await this.#frames(this.order.protocol.order[0], FRAMES_A_TEAM, "preparing");
+      return 1000 * median(frames.slice(1).map(({ seconds }) => seconds));
+    } catch (error) {
+      if (error instanceof StoppedError) throw error;
+      return Infinity; // no memory for so many threads, or a browser that starts none
+    }
   }
 
   /**
@@ -393,7 +425,8 @@ class SessionRunner {
           this.#progress(phase, name, done, count, order);
           reported = performance.now();
         }
-        if (done === count || (phase === "checking" && done % FRAMES_A_PICTURE === 0)) {
+        const shown = phase === "checking" && done % FRAMES_A_PICTURE === 0;
+        if (shown || (done === count && phase !== "preparing")) {
           await this.#picture(name, execution, frame);
         }
       }

@@ -2,7 +2,7 @@
 
 import { oneLine, messageOf } from "./gpu-device.js";
 
-const MOST_THREADS = 4; // the fast cores of most phones
+const TEAMS = [1, 2, 4]; // numbers of threads that are tried; 4 are the fast cores of most phones
 // A module that needs what ours needs: 128-bit vectors and a shared memory.
 const SAMPLE = new Uint8Array([
   0, 97, 115, 109, 1, 0, 0, 0, 1, 4, 1, 96, 0, 0, 3, 2, 1, 0, 5, 4, 1, 3, 1, 1, 10, 9, 1, 7, 0, 65, 0, 253, 15, 26, 11,
@@ -16,7 +16,15 @@ export function canExecute() {
   return typeof WebAssembly === "object" && WebAssembly.validate(SAMPLE);
 }
 
-/** A module, compiled, and how many threads execute it: several need an isolated page. */
+/**
+ * The numbers of threads to try: none where the page is not isolated, so that one alone can compute.
+ * @returns {number[]}
+ */
+export function teams() {
+  return globalThis.crossOriginIsolated ? [...TEAMS] : [];
+}
+
+/** A module, compiled, and how many threads execute it. */
 export class Processor {
   /** Of the stages: the host's, from call to call. @type {"wall"} */
   stageClock = "wall";
@@ -32,10 +40,10 @@ export class Processor {
 
   /**
    * @param {BufferSource} content of the module's file
+   * @param {number} threads
    * @returns {Promise<Processor>}
    */
-  static async open(content) {
-    const threads = globalThis.crossOriginIsolated ? Math.min(navigator.hardwareConcurrency || 1, MOST_THREADS) : 1;
+  static async open(content, threads) {
     try {
       return new Processor(await WebAssembly.compile(content), threads);
     } catch (error) {

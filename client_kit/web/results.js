@@ -5,10 +5,11 @@ import { element, showTitle } from "./elements.js";
 import { decimal, gettext, locale, ngettext } from "./language.js";
 import { probesOf } from "./probes.js";
 import { plannedRuns } from "./schedule.js";
-import { meanSeconds, speedupOf, stageSeconds } from "./speedup.js";
+import { isWide, meanSeconds, slowedDown, speedupOf, stageSeconds } from "./speedup.js";
 
 /** @typedef {import("./sessions.js").Session} Session */
 /** @typedef {import("./run-record.js").Run} Run */
+/** @typedef {import("./speedup.js").Speedup} Speedup */
 
 const SHOWN = ["default", "best", "adaptive"]; // adaptive where the front has it: it leaves out frames
 const STATES = {
@@ -42,6 +43,14 @@ function digits(value) {
 }
 
 /**
+ * @param {Speedup} speedup
+ * @returns {string} its number, or its interval where that is too wide for one
+ */
+function timesOf(speedup) {
+  return isWide(speedup) ? `${digits(speedup.low)}–${digits(speedup.high)}×` : `${digits(speedup.value)}×`;
+}
+
+/**
  * Show SESSION's result. STATE is the server's answer about it, CROWD its rows of /speedups; both null before that.
  * @param {Session} session
  * @param {any} state
@@ -60,26 +69,29 @@ export function showResult(session, state, crowd) {
 
   const counts = standing === null || standing === "unconfirmed" || standing === "confirmed";
   result.dataset.speedup = speedup && counts ? String(speedup.value) : "";
-  element("result-title", HTMLElement).textContent = speedup && counts ? titleOf(speedup.value) : gettext("This measurement does not count");
-  element("speedup", HTMLElement).textContent = speedup && counts ? `${digits(speedup.value)}×` : "";
+  const title = speedup && counts ? titleOf(speedup) : "";
+  element("result-title", HTMLElement).textContent = title || gettext("This measurement does not count");
+  element("speedup", HTMLElement).textContent = speedup && counts ? timesOf(speedup) : "";
+  element("speedup", HTMLElement).classList.toggle("range", speedup !== null && isWide(speedup));
   showTitle(element("speedup", HTMLElement).textContent);
   element("interval", HTMLElement).textContent = intervalOf(session, speedup);
   element("rates", HTMLElement).replaceChildren(...SHOWN.flatMap((name) => rateOf(session, name)));
   element("stages", HTMLElement).replaceChildren(...SHOWN.flatMap((name) => barOf(session, name)));
-  element("standing", HTMLElement).textContent = standingOf(session, standing, judged?.reason ?? "", speedup?.value, own, crowd);
-  element("links", HTMLElement).replaceChildren(...linksOf(state, speedup && counts ? titleOf(speedup.value) : ""));
+  element("standing", HTMLElement).textContent = standingOf(session, standing, judged?.reason ?? "", speedup, own, crowd);
+  element("links", HTMLElement).replaceChildren(...linksOf(state, title));
   result.hidden = false;
   if (first) result.focus();
 }
 
 /**
- * Show the server's recommendation for this device, if any.
+ * Show the server's recommendation for this device, if any, and unless it rests on a speedup that is shown as a range.
  * @param {any} recommendation
  */
 export function showRecommendation(recommendation) {
   const line = element("recommendation", HTMLElement);
-  line.hidden = !recommendation;
-  if (!recommendation) return;
+  const withheld = recommendation?.state === "measured" && element("speedup", HTMLElement).classList.contains("range");
+  line.hidden = !recommendation || withheld;
+  if (line.hidden) return;
   const { configuration, predicted: { ratio, low, high }, state } = recommendation;
   const between = state === "predicted" && low && high;
   const interval = between
@@ -96,10 +108,10 @@ export function showRecommendation(recommendation) {
 
 /**
  * @param {Session} session
- * @param {import("./speedup.js").Speedup | null} speedup
+ * @param {Speedup | null} speedup
  * @returns {string}
  */
-function intervalOf({ runs, disturbed }, speedup) {
+function intervalOf({ runs, manifest, disturbed }, speedup) {
   if (!speedup) {
     const failed = runs.find(({ failure }) => failure);
     return failed ? `${failed.configuration}: ${failed.failure}` : gettext("No speedup: it takes a complete run of default and one of best.");
@@ -111,9 +123,14 @@ function intervalOf({ runs, disturbed }, speedup) {
     "Between %(low)s× and %(high)s×: the 95 % interval from %(pairs)s pairs of runs.",
     pairs, { low: digits(speedup.low), high: digits(speedup.high), pairs },
   );
+  const wide = isWide(speedup) ? [gettext("The runs differ too much to give one number.")] : [];
   const changed = speedup.changed ? [gettext("The speedup changed while it was measured, so it does not count.")] : [];
   const busy = disturbed ? [gettext("The device was busy: close other programs and measure again.")] : [];
-  return [interval, ...changed, ...busy].join(" ");
+  const slower = slowedDown(runs, manifest.protocol);
+  const slow = slower === null ? [] : [
+    gettext("The processor was slower for a while: the later runs took %(share)s % longer.", { share: Math.round(100 * (slower - 1)) }),
+  ];
+  return [interval, ...wide, ...changed, ...busy, ...slow].join(" ");
 }
 
 /**
@@ -133,7 +150,7 @@ function rateOf({ runs, manifest, bands }, name) {
     const counted = good.flatMap(({ tracked }) => tracked.slice(first));
     const skipped = counted.filter((tracked) => tracked === null).length / counted.length;
     const speedup = speedupOf(runs, name, manifest.protocol, bands);
-    if (speedup) note += `, ${digits(speedup.value)}×`;
+    if (speedup) note += `, ${timesOf(speedup)}`;
     note += gettext(", %(share)s % of frames left out", { share: Math.round(100 * skipped) });
   }
   return [made("div", "", made("dt", `key key-${name}`, nameOf(name)), rate, made("dd", "note", note))];
@@ -173,7 +190,7 @@ function barOf({ runs, manifest }, name) {
  * @param {Session} session
  * @param {string | null} standing
  * @param {string} reason
- * @param {number | undefined} speedup
+ * @param {Speedup | null} speedup
  * @param {any} own
  * @param {any[] | null} crowd
  * @returns {string}
@@ -183,10 +200,11 @@ function standingOf(session, standing, reason, speedup, own, crowd) {
   if (!session.answer) return gettext("Stored on this device. It is sent as soon as the server can be reached.");
   if (!standing) return gettext("Sent. The server is still processing it.");
   if (standing !== "unconfirmed" && standing !== "confirmed") return wordsOf(reason);
+  const confirmed = standing === "confirmed" ? gettext("The figure is confirmed.") : gettext("The figure is public and marked as unconfirmed until independent devices agree.");
+  if (!speedup || isWide(speedup)) return confirmed;
   const others = (crowd ?? []).filter((row) => row.backend === session.clock?.backend && row !== own);
   const way = session.clock?.backend === "wasm" ? "WebAssembly" : "WebGPU";
-  const slower = others.length - others.filter((row) => row.speedup > (speedup ?? 0)).length;
-  const confirmed = standing === "confirmed" ? gettext("The figure is confirmed.") : gettext("The figure is public and marked as unconfirmed until independent devices agree.");
+  const slower = others.length - others.filter((row) => row.speedup > speedup.value).length;
   return `${placeAmong(others.length, slower, way)} ${confirmed}`;
 }
 
@@ -210,13 +228,18 @@ function placeAmong(others, slower, way) {
 }
 
 /**
- * @param {number} speedup
+ * @param {Speedup} speedup
  * @returns {string}
  */
 function titleOf(speedup) {
-  return speedup < 1
-    ? gettext("The tuned version runs %(times)s times slower on this device", { times: digits(1 / speedup) })
-    : gettext("The tuned version runs %(times)s times faster on this device", { times: digits(speedup) });
+  const { value } = speedup;
+  if (isWide(speedup)) {
+    const range = { low: digits(speedup.low), high: digits(speedup.high) };
+    return gettext("The tuned version runs %(low)s to %(high)s times as fast on this device", range);
+  }
+  return value < 1
+    ? gettext("The tuned version runs %(times)s times slower on this device", { times: digits(1 / value) })
+    : gettext("The tuned version runs %(times)s times faster on this device", { times: digits(value) });
 }
 
 /**
@@ -227,9 +250,7 @@ function titleOf(speedup) {
 function wordsOf(reason) {
   const rules = JSON.parse(document.getElementById("rules")?.textContent ?? "{}");
   const why = rules[reason] ?? gettext("the server set it aside");
-  return gettext(
-    "It was sent, but is in no figure: %(why)s. Close other programs, let the device cool, and measure again.", { why },
-  );
+  return gettext("It was sent, but is in no figure: %(why)s. Close other programs, and measure again.", { why });
 }
 
 /**
@@ -293,7 +314,7 @@ function valueOf(session) {
   }
   if (session.counts === false) return gettext("does not count");
   const speedup = speedupOf(session.runs, "best", session.manifest.protocol, session.bands);
-  return speedup ? `${digits(speedup.value)}×` : gettext("no speedup");
+  return speedup ? timesOf(speedup) : gettext("no speedup");
 }
 
 /**

@@ -1,6 +1,8 @@
 /** The results of a session, computed as on the server (wire/session_statistics.py). */
 
-import { LEAST_DEVIATION, LEAST_PAIRS, QUANTILES_95, QUANTILES_99 } from "./constants.js";
+import {
+  LEAST_DEVIATION, LEAST_PAIRS, QUANTILES_95, QUANTILES_99, SLOWDOWN_LEVEL, WIDEST_INTERVAL,
+} from "./constants.js";
 
 const MICROSECONDS = 1e6;
 
@@ -108,6 +110,40 @@ function speedupChanges(logs) {
   const change = Math.abs(mean(second) - mean(first));
   const deviation = Math.max(Math.sqrt((variance(first) + variance(second)) / 2), LEAST_DEVIATION);
   return change > QUANTILES_99[2 * half - 3] * deviation * Math.sqrt(2 / half);
+}
+
+/**
+ * Whether the interval of a speedup is too wide to show one number for it; false without one.
+ * @param {Speedup} speedup
+ * @returns {speedup is Speedup & {low: number, high: number}}
+ */
+export function isWide(speedup) {
+  const { low, high } = speedup;
+  return low !== null && high !== null && high > WIDEST_INTERVAL * low;
+}
+
+/**
+ * How many times longer the later runs of a session took; null where that can be chance, or did not last.
+ *
+ * In each configuration, every run of the second half took longer than every run of the first, by LEAST_DEVIATION.
+ * @param {Run[]} runs of one session
+ * @param {Counting} protocol
+ * @returns {number | null}
+ */
+export function slowedDown(runs, protocol) {
+  const good = runs.filter(({ status }) => status === "ok").sort((a, b) => a.order - b.order);
+  const changes = [];
+  let chance = 1;
+  for (const name of new Set(good.map(({ configuration }) => configuration))) {
+    const times = good.filter(({ configuration }) => configuration === name).map((run) => meanSeconds(run, protocol));
+    const half = Math.floor(times.length / 2);
+    if (!half) continue;
+    const [earlier, later] = [times.slice(0, half), times.slice(-half)];
+    if (Math.min(...later) <= Math.exp(LEAST_DEVIATION) * Math.max(...earlier)) return null;
+    for (let each = 1; each <= half; each++) chance *= each / (half + each);
+    changes.push(Math.log(mean(later) / mean(earlier)));
+  }
+  return chance <= SLOWDOWN_LEVEL ? Math.exp(mean(changes)) : null;
 }
 
 /**

@@ -167,6 +167,7 @@ export interface Session {
   empty_frame_us?: number | null;
   stage_clock?: "device" | "none" | "wall" | null;
   threads?: number | null;
+  threads_claimed?: number | null;
   blocks_repeated?: number | null;
   samples: Sample[];
 }

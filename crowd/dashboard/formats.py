@@ -43,13 +43,17 @@ def significant(value: float, digits: int = 3) -> str:
     return localised(f"{value:,.{max(0, digits - 1 - exponent)}f}".replace("-", _MINUS))
 
 
-def speedup(value: float | None) -> str:
-    """A ratio of times: 9.714 is 9.71 and the multiplication sign."""
+def speedup(value: float | None, wide: tuple[float, float] | None = None) -> str:
+    """A ratio of times: 9.714 is 9.71 and the multiplication sign. `wide`: the interval in its place."""
+    if wide:
+        return interval(*wide)
     return ABSENT if value is None else significant(value) + TIMES
 
 
-def gain(value: float | None) -> str:
-    """A ratio of times in a sentence: "2.00x faster", but "0.90x as fast"."""
+def gain(value: float | None, wide: tuple[float, float] | None = None) -> str:
+    """A ratio of times in a sentence: "2.00x faster", but "0.90x as fast". `wide` as in `speedup`."""
+    if wide:
+        return f"{interval(*wide)} as fast"
     if value is None or value >= 1:
         return f"{speedup(value)} faster"
     return f"{speedup(value)} as fast"

@@ -8,6 +8,7 @@ from crowd.records import shared
 from crowd.records.device import Device
 from crowd.records.record import Record
 from wire.meaning import means, shows
+from wire.session_statistics import wide_range
 
 
 class SessionSpeedup(Record, frozen=True, kw_only=True):
@@ -27,6 +28,11 @@ class SessionSpeedup(Record, frozen=True, kw_only=True):
     ate_max: Annotated[float | None, means("largest ATE among the configuration's runs", "m")]
     state: shared.State
     reason: shared.Reason
+
+    @property
+    def range(self) -> tuple[float, float] | None:
+        """What is shown in place of the speedup: its interval, if that is wide."""
+        return wide_range(self.low, self.high)
 
 
 class Summary(SessionSpeedup, frozen=True, kw_only=True):

@@ -9,6 +9,7 @@ from crowd.records.device import Device
 from crowd.records.record import Record
 from crowd.records.uncertainty import Estimate, figure_estimate
 from wire.meaning import means, shows
+from wire.session_statistics import wide_range
 
 
 class Speedup(Record, frozen=True, kw_only=True):
@@ -100,6 +101,11 @@ class Speedup(Record, frozen=True, kw_only=True):
     def counts(self) -> bool:
         """Whether it counts in the headline, rankings and cards."""
         return self.confirmed and not self.suspect
+
+    @property
+    def range(self) -> tuple[float, float] | None:
+        """What is shown in place of the speedup: the interval of its only session, if that is wide."""
+        return wide_range(self.session_low, self.session_high) if self.low is None else None
 
     @property
     def key(self) -> str:

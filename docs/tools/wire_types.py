@@ -18,7 +18,13 @@ HEAD = "/* From the package `wire`. Written by docs/tools/wire_types.py: do not 
 CONSTANTS = {
     protocol: ("LEAST_PAIRS", "MOST_LOST"),
     session: ("SCHEMA_VERSION",),
-    session_statistics: ("LEAST_DEVIATION", "QUANTILES_95", "QUANTILES_99"),
+    session_statistics: (
+        "LEAST_DEVIATION",
+        "QUANTILES_95",
+        "QUANTILES_99",
+        "SLOWDOWN_LEVEL",
+        "WIDEST_INTERVAL",
+    ),
 }
 OTHER_NAMES = {"integer": "number"}
 

@@ -34,7 +34,7 @@ LEAST_VARIANTS = 2
 # Further runs with depth changed by one unit, of a configuration that leaves out frames: where a threshold
 # decides, rounding makes the trajectory jump.
 PERTURBATIONS = range(1, 6)
-THREADS = (1, 2)  # of WebAssembly
+THREADS = (1, 2, 4)  # of WebAssembly: those that browsers choose from
 DECIMALS = 6  # of a position in metres, and of a band
 SHARE_DECIMALS = 4
 

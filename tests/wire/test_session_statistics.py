@@ -87,13 +87,6 @@ def test_drift_compares_the_means_of_whole_runs() -> None:
     assert session_statistics.drift([10.0]) is None
 
 
-def test_drift_counts_in_both_directions() -> None:
-    assert session_statistics.has_drifted(1.2)
-    assert session_statistics.has_drifted(1 / 1.2)
-    assert not session_statistics.has_drifted(1 / 1.1)
-    assert not session_statistics.has_drifted(None)
-
-
 def noise(share: float) -> Callable[[np.random.Generator, Times], Times]:
     """Each run is slowed or sped up by a normal `share` of its own."""
     return lambda random, begins: np.exp(random.normal(0.0, share, begins.shape))
@@ -126,6 +119,15 @@ def throttling(share: float) -> Callable[[np.random.Generator, Times], Times]:
     return slowed
 
 
+def one_burst(random: np.random.Generator, begins: Times) -> Times:
+    """Other work that slows one to three runs by half, one after another, anywhere in the session."""
+    order = np.arange(begins.shape[1])
+    length = random.integers(1, 4, (len(begins), 1))
+    first = random.integers(0, len(order) - length + 1)
+    busy = (order >= first) & (order < first + length)
+    return (1 + 0.5 * busy) * noise(0.01)(random, begins)
+
+
 def step(random: np.random.Generator, begins: Times) -> Times:
     """A device that gets slower by 1.4 in the middle of the session."""
     return np.where(begins < begins[:, [-1]] / 2, 1.0, 1.4) * noise(0.01)(random, begins)
@@ -139,12 +141,18 @@ TRACES = {
 }
 
 
-def log_ratios(trace: Callable[[np.random.Generator, Times], Times], sessions: int) -> list[Sequence[float]]:
-    """The paired log ratios of so many `sessions`, seed 3."""
+def run_times(trace: Callable[[np.random.Generator, Times], Times], sessions: int) -> tuple[Times, Times]:
+    """The times of the runs of default and of best in so many `sessions`, seed 3."""
     ends = np.cumsum([SECONDS[name] for name in ORDER])
     begins = np.tile(ends - [SECONDS[name] for name in ORDER], (sessions, 1))
     times = trace(np.random.default_rng(3), begins) * [SECONDS[name] for name in ORDER]
     default, best = (times[:, [each == name for each in ORDER]] for name in ("default", "best"))
+    return default, best
+
+
+def log_ratios(trace: Callable[[np.random.Generator, Times], Times], sessions: int) -> list[Sequence[float]]:
+    """The paired log ratios of so many `sessions`, seed 3."""
+    default, best = run_times(trace, sessions)
     return np.log(default / best).tolist()
 
 
@@ -158,6 +166,57 @@ def test_of_honest_sessions_fewer_than_one_in_twenty_are_set_aside(
     sessions = log_ratios(trace, count)
 
     assert np.mean([session_statistics.speedup_changes(logs) for logs in sessions]) < 0.05
+
+
+STEADY = {
+    **{f"noise of {share:.0%}": noise(share) for share in (0.01, 0.08, 0.10, 0.15)},
+    **{f"bursts in {share:.0%}": bursts(share) for share in (0.06, 0.18)},
+    "one burst": one_burst,
+}
+SLOWER = {"throttling to 30%": (throttling(0.3), 0.7), "a step of 1.4": (step, 0.95)}
+
+
+def told(trace: Callable[[np.random.Generator, Times], Times]) -> float:
+    """The share of 2,000 sessions with a reported slowdown."""
+    sessions = zip(*run_times(trace, 2_000), strict=True)
+    slowdowns = [session_statistics.slowed_down([list(each) for each in times]) for times in sessions]
+    return np.mean([slower is not None for slower in slowdowns]).item()
+
+
+@pytest.mark.parametrize("trace", STEADY.values(), ids=STEADY)
+def test_a_slowdown_is_told_of_at_most_one_in_twenty_steady_devices(
+    trace: Callable[[np.random.Generator, Times], Times],
+) -> None:
+    assert told(trace) <= 0.05
+
+
+@pytest.mark.parametrize(("trace", "least"), SLOWER.values(), ids=SLOWER)
+def test_a_slowdown_that_lasts_is_told(
+    trace: Callable[[np.random.Generator, Times], Times], least: float
+) -> None:
+    assert told(trace) >= least
+
+
+def test_a_slowdown_is_told_where_all_configurations_show_it_to_the_end() -> None:
+    slowed_down = session_statistics.slowed_down
+    slower = [10.0, 10.1, 12.9, 13.1]
+
+    assert slowed_down([slower, [1.0, 1.0, 1.3, 1.3]]) == pytest.approx(1.297, abs=1e-3)
+    assert slowed_down([slower, [1.0, 1.0, 1.0, 1.0]]) is None
+    assert slowed_down([[10.0, 10.1, 13.0, 10.0], [1.0, 1.0, 1.3, 1.3]]) is None
+    assert slowed_down([slower]) is None  # one in six by chance
+    assert slowed_down([slower, [1.0]]) is None
+    assert slowed_down([[10.0, 10.1, 10.2, 10.3], [1.0, 1.01, 1.02, 1.03]]) is None  # too little
+    assert slowed_down([]) is None
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "wide"), [(5.3, 23.3, True), (4.0, 6.0, False), (4.0, 6.01, True), (None, None, False)]
+)
+def test_an_interval_is_wide_from_a_ratio_of_one_and_a_half_on(
+    low: float | None, high: float | None, wide: bool
+) -> None:
+    assert session_statistics.wide_range(low, high) == ((low, high) if wide else None)
 
 
 def test_of_sessions_whose_speedup_changes_half_way_most_are_set_aside() -> None:
@@ -224,9 +283,3 @@ def test_a_graphics_chip_or_an_unknown_time_leaves_no_interval_beside_other_prog
 
     for found in (compared(*BUSY, on_processor=False), compared(BUSY[0], unknown)):
         assert (found.clock, found.contended, found.interval) == (WALL, True, None)
-
-
-def test_a_range_is_wide_beyond_a_factor_of_one_and_a_half() -> None:
-    assert session_statistics.is_wide(5.1, 15.0)
-    assert not session_statistics.is_wide(5.1, 7.6)
-    assert not session_statistics.is_wide(None, None)

@@ -11,7 +11,8 @@ from wire.front import BEST, DEFAULT
 class ConfigurationRanking:
     """The figures of one front, backend and processor on a device, fastest first.
 
-    `configurations`: the number with a valid figure, including the default. `winner`: the fastest of them.
+    `configurations`: the number with a valid figure, including the default. `winner`: the fastest of them;
+    `winner_range`: the wide interval that is shown in place of its speedup.
     `best_rank`: the rank of `best`; equal ones share the better rank; None without a valid figure. `regret`:
     the time of `best` over that of the winner. `confirmed`: all valid figures are confirmed.
     """
@@ -20,6 +21,7 @@ class ConfigurationRanking:
     configurations: int
     winner: str
     winner_speedup: float
+    winner_range: tuple[float, float] | None
     best_rank: int | None
     regret: float | None
     confirmed: bool
@@ -38,6 +40,7 @@ def rank_configurations(detail: DeviceDetail, lead: Speedup | None) -> Configura
         configurations=len(valid),
         winner=winner,
         winner_speedup=valid[winner],
+        winner_range=next((row.range for row in rows if row.configuration == winner), None),
         best_rank=None if best is None else 1 + sum(speedup > best for speedup in valid.values()),
         regret=None if best is None else valid[winner] / best,
         confirmed=all(row.confirmed for row in rows if not row.suspect),

@@ -187,7 +187,9 @@ def sensors_table(session: SessionDetail) -> Table:
 
 def finding_of(here: ConfigurationRanking) -> str:
     """What the bars of a device's configurations show, in one sentence."""
-    return findings.configurations(here.winner, here.winner_speedup, here.configurations, here.best_rank)
+    return findings.configurations(
+        here.winner, here.winner_speedup, here.configurations, here.best_rank, here.winner_range
+    )
 
 
 def _device_page(slug: str) -> str:

@@ -77,6 +77,11 @@ class Bars:
         return "figure" if self.crowd.filters.configuration == ALL else "device"
 
     @property
+    def mean(self) -> float | None:
+        """The mean of the crowd; None where its only speedup is shown as an interval."""
+        return None if self.crowd.headline.range else self.crowd.headline.mean
+
+    @property
     def counted(self) -> str:
         """How many of the bars count, and from how many sessions."""
         rows = confirmed_only(self.rows)
@@ -90,7 +95,7 @@ class Bars:
         return _pictures.get(revision.current, key, self._draw)
 
     def _draw(self) -> BarPicture:
-        return bar_picture(self.rows, self.crowd.headline.mean, self.colour)
+        return bar_picture(self.rows, self.mean, self.colour)
 
 
 def read(request: HttpRequest) -> Bars:
@@ -149,6 +154,7 @@ def finding_of(crowd: Speedups) -> str:
         filters.headline_configuration,
         left_out(crowd).devices,
         crowd.outcome_counts,
+        crowd.headline.range,
     )
 
 
@@ -159,7 +165,7 @@ DRAWINGS = (
         definition=DEFINITION,
         columns=MEANINGS,
         read=read,
-        draw=lambda bars, theme: speedup_bars(bars.rows, theme, bars.colour, bars.crowd.headline.mean),
+        draw=lambda bars, theme: speedup_bars(bars.rows, theme, bars.colour, bars.mean),
         picture=lambda bars: bars.picture,
         embedded=embedded,
         table=table,

@@ -109,7 +109,8 @@ def _flat(bars: Sequence[_Bar], top: float) -> Iterator[str]:
         y = ROW * number + 38
         row, (low, high) = bar.row, (PLOT * min(end, top) / top for end in bar.ends)
         yield from _link(bar)
-        yield f'<text x="0" y="{y - 21:.0f}"><tspan class="value">{formats.speedup(row.speedup)}</tspan> '
+        value = formats.speedup(row.speedup, row.range)
+        yield f'<text x="0" y="{y - 21:.0f}"><tspan class="value">{value}</tspan> '
         yield f"{escape(clipped(bar.name, TITLE_LENGTH))}</text>"
         chip = ", ".join(filter(None, [row.processor, *state_words(row)]))
         yield f'<text class="chip" x="0" y="{y - 6:.0f}">{escape(chip)}</text>'
@@ -201,7 +202,8 @@ def _link(bar: _Bar) -> Iterator[str]:
     sessions = (
         f"{formats.plural(row.sessions, 'session')}, {formats.plural(row.installations, 'installation')}"
     )
-    lines = [bar.name, formats.speedup(row.speedup), *interval_words(row), sessions, *state_words(row)]
+    value = formats.speedup(row.speedup, row.range)
+    lines = [bar.name, value, *interval_words(row), sessions, *state_words(row)]
     yield f'<a href="{reverse("dashboard:device", args=[row.device.slug])}" tabindex="-1">'
     words = "\n".join(lines)
     yield f"<title>{escape(words)}</title>"
@@ -220,5 +222,5 @@ def _whisker(row: Speedup) -> str:
 
 
 def _label(bar: _Bar, words: str) -> str:
-    value = formats.speedup(bar.row.speedup)
+    value = formats.speedup(bar.row.speedup, bar.row.range)
     return f'{words} <tspan class="value">{value}</tspan><tspan class="whose"> {escape(bar.short)}</tspan>'

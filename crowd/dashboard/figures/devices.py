@@ -57,7 +57,7 @@ def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
         x=[round(row.high or row.speedup, 4) for row in ranked],
         y=list(range(len(ranked))),
         mode="text",
-        text=[f" {formats.speedup(row.speedup)}" for row in ranked],
+        text=[f" {formats.speedup(row.speedup, row.range)}" for row in ranked],
         textposition="middle right",
         textfont={"color": theme.ink},
         cliponaxis=False,
@@ -338,7 +338,8 @@ def _add_intervals(figure: go.Figure, rows: Sequence[tuple[int, Speedup | Releas
 
 
 def _detail(row: Speedup) -> str:
-    parts = [f"<b>{layout.text(row.configuration)}</b>", f"{formats.speedup(row.speedup)} over the default"]
+    value = formats.speedup(row.speedup, row.range)
+    parts = [f"<b>{layout.text(row.configuration)}</b>", f"{value} over the default"]
     parts += layout.interval_words(row)
     parts.append(
         f"{formats.plural(row.sessions, 'session')}, {formats.plural(row.installations, 'installation')}"

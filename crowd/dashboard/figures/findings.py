@@ -27,17 +27,18 @@ def crowd(
     configuration: str,
     uncounted: int = 0,
     outcomes: ModelOutcomes | None = None,
+    wide: tuple[float, float] | None = None,
 ) -> str:
     """On how many device models `configuration` is faster, and their `mean`.
 
     `speedups` has a number per counted model; `uncounted` others were measured. `outcomes`: on how many it
-    failed, which have no speedup.
+    failed, which have no speedup. `wide`: the interval that is shown in place of a single speedup.
     """
     if not speedups:
         return _none_counts(uncounted)
     if len(speedups) == 1:
         kind = "confirmed device" if uncounted else "device"
-        return f"One {kind} so far: {configuration} is {_gain(speedups[0])}"
+        return f"One {kind} so far: {configuration} is {_gain(speedups[0], wide)}"
     faster = sum(speedup > 1 for speedup in speedups)
     if len(speedups) == 2:
         values = f"{formats.speedup(max(speedups))} and {formats.speedup(min(speedups))}"
@@ -50,9 +51,9 @@ def crowd(
     return f"{finding}; {configuration} did not finish on {failed} tried from enough networks"
 
 
-def _gain(speedup: float) -> str:
-    words = "faster than" if speedup > 1 else "as fast as"
-    return f"{formats.speedup(speedup)} {words} the default"
+def _gain(speedup: float, wide: tuple[float, float] | None = None) -> str:
+    words = "faster than" if speedup > 1 and not wide else "as fast as"
+    return f"{formats.speedup(speedup, wide)} {words} the default"
 
 
 def _none_counts(uncounted: int) -> str:
@@ -130,15 +131,20 @@ def place(found: Ranking, confirmed: bool) -> str:
     return f"Rank {of}: it gains more than {formats.percent(found.slower)} of the others"
 
 
-def configurations(winner: str, speedup: float, count: int, best_rank: int | None) -> str:
-    """Which of `count` configurations is the fastest on one device, and the rank of `best`."""
+def configurations(
+    winner: str, speedup: float, count: int, best_rank: int | None, wide: tuple[float, float] | None = None
+) -> str:
+    """Which of `count` configurations is the fastest on one device, and the rank of `best`.
+
+    `wide`: the interval that is shown in place of its speedup.
+    """
     if count == 1:
         return "No configuration besides the default has a figure that counts here"
     of = formats.plural(count, "configuration")
     if winner == DEFAULT:
         return f"Of {of} none is faster than the default here"
     rank = f"; best has rank {best_rank}" if best_rank is not None and best_rank > 1 else ""
-    return f"Of {of} {winner} is the fastest here: {formats.speedup(speedup)}{rank}"
+    return f"Of {of} {winner} is the fastest here: {formats.speedup(speedup, wide)}{rank}"
 
 
 def releases(history: History | None) -> str:
@@ -168,12 +174,13 @@ def session(answers: Sequence[SessionSpeedup]) -> str:
             return "No speedup of this session counts"
         return "No run can be compared with one of the default"
     name = min(speedups, key=lambda each: (-speedups[each], each))
+    wide = next(row.range for row in answers if row.configuration == name)
     if len(speedups) == 1:
-        return f"In this session {name} is {_gain(speedups[name])}"
+        return f"In this session {name} is {_gain(speedups[name], wide)}"
     if speedups[name] <= 1:
         return f"None of {formats.plural(len(speedups), 'configuration')} is faster than the default"
     of = formats.plural(len(speedups) + 1, "configuration")
-    return f"Of {of} {name} is the fastest: {formats.speedup(speedups[name])}"
+    return f"Of {of} {name} is the fastest: {formats.speedup(speedups[name], wide)}"
 
 
 def stages(rows: Sequence[StageTimes]) -> str:

@@ -106,7 +106,7 @@ def speedup_bars(
     }
     no_gain = {"type": "line", "line": {"color": theme.ink, "width": 1.5, "dash": layout.DOTTED}}
     if flat:
-        written = [formats.speedup(row.speedup) for row in ranked]
+        written = [formats.speedup(row.speedup, row.range) for row in ranked]
         layout.name_bars(figure, zip(written, names, strict=True), theme)
         figure.add_shape(x0=1, x1=1, yref="paper", y0=0, y1=1, **no_gain)
         return figure.update_layout(
@@ -310,7 +310,7 @@ def _add_whiskers(
 
 
 def _detail(name: str, vendor: str, row: Speedup) -> str:
-    parts = [f"<b>{layout.text(name)}</b>", f"{formats.speedup(row.speedup)} over its own default"]
+    parts = [f"<b>{layout.text(name)}</b>", f"{formats.speedup(row.speedup, row.range)} over its own default"]
     parts += layout.interval_words(row)
     parts.append(
         f"{formats.plural(row.sessions, 'session')}, {formats.plural(row.installations, 'installation')}"

@@ -17,6 +17,7 @@ from crowd.dashboard.content.parameter_meanings import meaning_of
 from crowd.dashboard.content.stages import tracking
 from crowd.devices.naming import chips
 from crowd.records.device import Device
+from crowd.records.session import SessionSpeedup
 from crowd.records.speedup import Speedup
 from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.rows import ModelOutcomes, RunSeries, SessionDetail
@@ -73,6 +74,12 @@ for name, function in FORMATS.items():
 def interval(low: float | str | None, high: float | str | None) -> str:
     """A confidence interval of speedups; "" stands for a missing figure."""
     return formats.interval(None if isinstance(low, str) else low, None if isinstance(high, str) else high)
+
+
+@register.simple_tag
+def speedup_of(figure: Speedup | SessionSpeedup | None) -> str:
+    """The speedup of `figure`, or the wide interval that is shown in its place."""
+    return formats.speedup(figure.speedup, figure.range) if figure else formats.ABSENT
 
 
 @register.simple_tag

@@ -67,7 +67,7 @@ def of_crowd(crowd: Speedups) -> Card:
     missing = f". Not in it: {others.words}" if others.devices else ""
     return Card(
         title=f"{start} {words}",
-        figure=formats.gain(line.mean),
+        figure=formats.gain(line.mean, line.range),
         note=f"{label}{_certainty(line)}{missing}. {private_notice()}".removesuffix(". "),
         scope=scope,
         bars=tuple(row.speedup for row in confirmed_only(crowd.rows)),
@@ -89,13 +89,13 @@ def of_device(detail: DeviceDetail, crowd: Speedups) -> Card:
         reason = "No session of it is valid." if figure.suspect else f"{requirement().capitalize()}."
         return Card(device.title, state, f"{label}Measured in {sessions}. {reason}")
     rows = confirmed_only(crowd.rows)
-    keys = [row.key for row in rows]
+    keys = [] if figure.range else [row.key for row in rows]
     interval = (
         f", 95 % interval {formats.interval(figure.low, figure.high)}" if figure.low is not None else ""
     )
     return Card(
         title=device.title,
-        figure=formats.gain(figure.speedup),
+        figure=formats.gain(figure.speedup, figure.range),
         note=f"{label}Best over default configuration, {sessions}{interval}",
         bars=tuple(row.speedup for row in rows) if figure.key in keys else (),
         lit=keys.index(figure.key) if figure.key in keys else None,

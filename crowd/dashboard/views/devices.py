@@ -96,16 +96,20 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
     figure = newest_figure(detail)
     crowd = crowd_of(detail, figure)
     here = rank_configurations(detail, figure)
-    history = results.history(slug, application=shown.application)
+    # What follows from one session has no number where its interval is wide.
+    wide = figure.range if figure else None
+    history = None if wide else results.history(slug, application=shown.application)
     try:
         prediction, unconfirmed = for_device(figure), ""
     except NothingConfirmedError as error:
         prediction, unconfirmed = None, str(error)
+    if wide:
+        prediction, unconfirmed = None, "the interval of its only session is too wide"
     try:
         limits, problem = Limits.of(request.GET), ""
     except InvalidFilterError as error:
         limits, problem = Limits(), str(error)
-    rank = rank_of(crowd, slug)
+    rank = None if wide else rank_of(crowd, slug)
     shown_session = of_session(detail.latest)
     front_query = {"application": shown.application} if application_query(shown) else {}
     return render(
@@ -122,7 +126,7 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "protocol": detail.latest.protocol if detail.latest else None,
             "figure": figure,
             "by_chip": confirmed_by_chip(figure),
-            "lanes": race(figure.speedup if figure else None),
+            "lanes": race(figure.speedup if figure and not wide else None),
             "rank": rank,
             "fared": attempts_of(crowd, slug, figure),
             "ranking": here,

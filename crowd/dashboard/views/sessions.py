@@ -24,6 +24,7 @@ from wire.front import BEST
 def session(request: HttpRequest, uuid: UUID) -> HttpResponse:
     """A session: its speedups and its runs."""
     detail = or_404(results.session(uuid))
+    best = detail.session.speedup(BEST)
     return render(
         request,
         "dashboard/session.html",
@@ -32,7 +33,7 @@ def session(request: HttpRequest, uuid: UUID) -> HttpResponse:
             "session": detail.session,
             "next_query": _next_query(detail.session.front),
             "protocol": detail.protocol,
-            "lanes": race(best.speedup if (best := detail.session.speedup(BEST)) else None),
+            "lanes": race(best.speedup if best and not best.range else None),
             **of_session(detail),
         },
     )

@@ -94,7 +94,7 @@ def major(version: str) -> str:
 def _is_software(raw: RawDevice) -> bool:
     """Whether a processor computes behind the API of graphics chips.
 
-    A renderer's name may be that of the driver. A client that is no browser may describe an adapter.
+    The driver may have the renderer's name. A client may describe an adapter without being a browser.
     """
     strings = (raw.opencl_device, raw.opencl_driver, raw.gpu_device, raw.gpu_description)
     named = CPU_PLATFORM.search(raw.opencl_platform) or any(map(chips.RENDERER.search, strings))

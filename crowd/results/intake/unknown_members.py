@@ -1,6 +1,7 @@
 """Members of a submission that this version does not know, such as those of a newer client.
 
-They are stored as sent and returned with a participant's own data. Nothing else uses them.
+WITHOUT_COLUMN are kept with them. They are stored as sent and returned with a participant's own data. Nothing
+else uses them.
 """
 
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from wire.session import Run, Sample, Session, Submission
 
 MAX_BYTES = 4 << 10  # of one run, or of the submission itself
 MAX_SESSION_BYTES = 16 << 10  # with its samples
+WITHOUT_COLUMN = frozenset({"threads_claimed"})
 
 Members = dict[str, msgspec.Raw]
 
@@ -68,10 +70,11 @@ def _extras_of_session(members: Members, where: str) -> SessionExtras:
 
 
 def _unknown_members(members: Members, struct: type[msgspec.Struct]) -> Members:
-    """The `members` that `struct` does not have, in the order sent."""
-    if members.keys() <= set(struct.__struct_fields__):
+    """The `members` that `struct` does not have or nothing stores, in the order sent."""
+    stored = set(struct.__struct_fields__) - WITHOUT_COLUMN
+    if members.keys() <= stored:
         return {}
-    return {name: raw for name, raw in members.items() if name not in struct.__struct_fields__}
+    return {name: raw for name, raw in members.items() if name not in stored}
 
 
 def _size(members: Members) -> int:

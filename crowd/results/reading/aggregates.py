@@ -146,6 +146,7 @@ def headline(
         max=max(speedups),
         unconfirmed=unconfirmed,
         networks=weighed.networks,
+        range=counted[0].range if len(counted) == 1 else None,
     )
 
 

@@ -80,7 +80,7 @@ class Headline:
     (`statistics.within_reach`), and models of few `networks` count by these (`figures.networks`), as in
     `median`. `geometric_mean` is that of the models' speedups as they are; `min` and `max` are the smallest
     and the largest. `unconfirmed`: the number of other models, which do not count here. For ALL
-    configurations, it is about `best`.
+    configurations, it is about `best`. `range`: of a single model, what is shown in place of its speedup.
     """
 
     devices: int
@@ -96,6 +96,7 @@ class Headline:
     max: float | None
     unconfirmed: int
     networks: int = 0
+    range: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

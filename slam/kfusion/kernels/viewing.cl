@@ -1,4 +1,4 @@
-// A model that is not seen anew after every frame: tracking sees it from where it was seen last.
+// A model whose rays are not cast after every frame: tracking sees it from where they began last.
 #include "arithmetic.h"
 #include "motion.h"
 #include "turning.h"

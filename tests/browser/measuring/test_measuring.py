@@ -2,7 +2,7 @@
 
 import itertools
 import json
-import os
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -10,9 +10,10 @@ from typing import Any
 import pytest
 from django.test import Client
 
+from crowd.dashboard import formats
 from crowd.devices.models import DeviceDescription, Installation
 from crowd.fronts.models import FrontVersion
-from crowd.results.models import MeasurementSession
+from crowd.results.models import MeasurementSession, SessionSummary
 from tests.browser.firefox import FirefoxPage
 from tests.browser.measuring.steps import assert_counted, begin, finished, held, hold_after
 from tests.browser.visitor import Visitor
@@ -119,7 +120,9 @@ def test_without_webgpu_the_whole_way_goes_by_webassembly(visitor: Visitor, clie
 def assert_a_session_by_webassembly(client: Client, speedup: float) -> None:
     """The one session, as the server has it and shows it."""
     session = MeasurementSession.objects.get()
-    assert (session.backend, session.threads) == ("wasm", min(os.cpu_count() or 1, 4))
+    assert session.backend == "wasm"
+    assert session.threads in (1, 2, 4)
+    assert session.extra["threads_claimed"] >= 1
     assert [run.status for run in session.runs.all()] == ["ok"] * 8
     assert session.stage_clock == "wall"
     rows = client.get(f"{API}/speedups").json()["results"]
@@ -172,6 +175,43 @@ def test_one_button_is_consent_and_start_and_the_result_is_seen_again_and_shared
     shared = until(lambda: page.evaluate("window.shared"))
     assert shared["text"] == page.locator("#result-title").inner_text()
     assert re.fullmatch(f"{visitor.server}/devices/[^/]+/", shared["url"])
+
+
+def test_of_a_wide_interval_the_range_alone_is_shown_shared_and_seen_again(
+    visitor: Visitor, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    script = tmp_path / "web" / "speedup.js"
+    text = script.read_text(encoding="utf-8")
+    script.write_text(text.replace("const WIDEST_INTERVAL = Infinity;", "const WIDEST_INTERVAL = 0;"))
+    monkeypatch.setattr("wire.session_statistics.WIDEST_INTERVAL", 0.0)
+    visitor.page.add_init_script(
+        "Object.defineProperty(navigator, 'share', { value: async (data) => { window.shared = data } })"
+    )
+    page = begin(visitor)
+    result = finished(page)
+
+    speedup = SessionSummary.objects.get(configuration__name="best")
+    point = formats.speedup(math.exp(speedup.log_ratio))
+    interval = page.locator("#speedup").inner_text()
+    low, high = interval.removesuffix(formats.TIMES).split(formats.RANGE)
+    assert 0 < float(low) < float(high)
+    assert f"{low} to {high} times as fast" in page.locator("#result-title").inner_text()
+    visitor.shows("The runs differ too much to give one number.", "#result")
+    page.locator("#sessions").get_by_text(interval).wait_for()
+    result.get_by_role("button", name="Share").click()
+    shared = until(lambda: page.evaluate("window.shared"))
+    assert shared["text"] == page.locator("#result-title").inner_text()
+    assert visitor.fits()
+
+    page.reload()
+    page.locator("#sessions").get_by_role("button").click()
+    finished(page)
+    assert page.locator("#speedup").inner_text() == interval
+    assert point not in page.locator("main").inner_text()
+    page.get_by_role("link", name="Your private page").click()
+    page.locator("h1", has_text="Your measurements").wait_for()
+    assert interval in page.locator("main").inner_text()
+    assert point not in page.locator("main").inner_text()
 
 
 def test_a_session_that_does_not_count_shows_no_number_and_says_why(

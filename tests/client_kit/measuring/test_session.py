@@ -92,13 +92,15 @@ def test_too_few_pairs_have_no_interval(count: int) -> None:
     assert (speedup.pairs, speedup.low, speedup.high) == (count, None, None)
 
 
-def test_drift_compares_the_later_runs_with_the_earlier_frame_by_frame() -> None:
-    # The scene's cost varies from frame to frame far more than the device slows down.
-    frames = [10.0, 100.0] * 6
-    session = session_of(run_of("best", 0, frames), run_of("best", 1, [1.2 * time for time in frames]))
+def test_a_slowdown_is_that_of_the_runs_in_the_order_measured() -> None:
+    # The last block was measured again: its runs stand where the disturbed ones stood.
+    runs = pairs((40, 10), (41, 10), (52, 13), (52, 13))
+    ordered = [replace(run, order=order) for order, run in enumerate(runs)]
 
-    assert session.drift("best", ASKED.protocol) == pytest.approx(1.2, rel=1e-3)
-    assert session.drift("default", ASKED.protocol) is None
+    assert session_of(*ordered).slowed_down(ASKED.protocol) == pytest.approx(1.29, abs=0.01)
+    assert session_of(*ordered[4:], *ordered[:4]).slowed_down(ASKED.protocol) == pytest.approx(1.29, abs=0.01)
+    failed = [replace(run, status="failed") for run in ordered[6:]]
+    assert session_of(*ordered[:6], *failed).slowed_down(ASKED.protocol) is None
 
 
 def test_the_time_left_counts_what_each_configuration_took() -> None:

@@ -1,11 +1,13 @@
 """What a participant is shown after a session."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
 from msgspec.structs import replace
 
 from client_kit.delivery.manifest import Manifest
+from client_kit.device.sensors import Sample
 from client_kit.measuring.session import Session
 from client_kit.participating import summary
 from tests.builders import manifests
@@ -53,19 +55,76 @@ def test_without_a_speedup_there_are_no_bars() -> None:
     assert summary.stages(session, ASKED) == []
 
 
-def test_a_slowdown_of_the_device_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    session = canned.measured(ASKED)
-    last = session.runs[-1]
-    slower = replace(last, frame_us=[round(1.3 * time) for time in last.frame_us])
-    drifted = replace(session, runs=(*session.runs[:-1], slower))
+def slowed(session: Session, factor: float) -> Session:
+    """`session` with the second half of its runs `factor` times slower."""
+    half = len(session.runs) // 2
+    slower = [
+        replace(run, frame_us=[round(factor * time) for time in run.frame_us]) for run in session.runs[half:]
+    ]
+    return replace(session, runs=(*session.runs[:half], *slower))
 
-    assert "slowed down" not in "".join(summary.figures(session, ASKED))
-    line = only(summary.figures(drifted, ASKED), "slowed down")
-    assert line.startswith(("default slowed down by 29 %", "default slowed down by 30 %"))
-    assert line.endswith("as a device does that gets hot")
+
+def samples(temperatures: Sequence[float | None], clocks: Sequence[float | None]) -> list[Sample]:
+    return [
+        Sample(t=t, temperature_c=celsius, cpu_mhz=clock, battery=None)
+        for t, (celsius, clock) in enumerate(zip(temperatures, clocks, strict=True))
+    ]
+
+
+@pytest.mark.parametrize(
+    ("read", "why"),
+    [
+        ([], "the processor was slower for a while"),
+        (samples([None] * 4, [None] * 4), "the processor was slower for a while"),
+        (samples([60, 61, 62, 63], [3000, 3000, 2990, 2990]), "the processor was slower for a while"),
+        (samples([55, 61, 80, 82], [3000, 3000, 2000, 2000]), "the device got hotter, from 58 to 81 °C"),
+        (samples([None] * 4, [3100, 3100, 2300, 2300]), "the processor's clock fell from 3100 to 2300 MHz"),
+    ],
+)
+def test_a_slowdown_says_what_was_read(read: list[Sample], why: str) -> None:
+    session = replace(canned.measured(ASKED, ASKED.plan() * 2), samples=read)
+
+    assert "longer" not in "".join(summary.figures(session, ASKED))
+    line = only(summary.figures(slowed(session, 1.3), ASKED), "longer")
+    assert line.startswith("The later runs of every configuration took 30 % longer")
+    assert line.endswith(f": {why}.")
+
+
+def test_a_slowdown_beside_other_programs_is_theirs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Session, "contended", lambda self, _: [self.runs[-1]])
-    line = only(summary.figures(drifted, ASKED), "slowed down")
-    assert line.endswith("while other programs ran")
+    session = slowed(canned.measured(ASKED, ASKED.plan() * 2), 1.3)
+
+    line = only(summary.figures(session, ASKED), "longer")
+
+    assert line.endswith(": other programs used this processor.")
+
+
+def test_one_slow_run_is_no_slowdown() -> None:
+    session = canned.measured(ASKED, ASKED.plan() * 2)
+    last = session.runs[-1]
+    slower = replace(last, frame_us=[2 * time for time in last.frame_us])
+
+    lines = summary.figures(replace(session, runs=(*session.runs[:-1], slower)), ASKED)
+
+    assert "longer" not in "".join(lines)
+
+
+def test_of_a_wide_interval_only_the_range_is_told() -> None:
+    session = canned.measured(ASKED, ASKED.plan() * 2)
+    runs = [
+        replace(run, frame_us=[round(factor * time) for time in run.frame_us])
+        for run, factor in zip(session.runs, (1, 1, 1, 3, 1, 1, 1, 3), strict=True)
+    ]
+    wide = replace(session, runs=tuple(runs))
+    speedup = wide.speedup("best", ASKED)
+    assert speedup is not None
+
+    lines = summary.figures(wide, ASKED)
+
+    line = only(lines, "Speedup of best over default: between ")
+    assert f" {speedup.low:.2f} and {speedup.high:.2f}, the 95 % interval of 4 pairs of runs" in line
+    assert f"{speedup.value:.2f}" not in "".join(lines)
+    assert summary.best_speedup(wide, ASKED) is None
 
 
 def test_the_speedup_is_reported_with_its_interval() -> None:
@@ -96,7 +155,7 @@ def test_beside_other_programs_processor_times_are_compared(monkeypatch: pytest.
 
     lines = summary.figures(replace(session, runs=tuple(runs), on_processor=True), ASKED)
 
-    assert only(lines, "Speedup of best over default, by processor time: 7.00")
+    assert only(lines, "Speedup of best over default, by processor time: between 5.2")
     assert only(lines, "Other programs used this processor, so processor times are compared")
 
 

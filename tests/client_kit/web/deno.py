@@ -28,8 +28,7 @@ async function prepared() {
     if (order.module) {
         const { Processor } = await load("processor.js");
         const { WasmExecution } = await load("wasm.js");
-        const processor = await Processor.open(Deno.readFileSync(order.module));
-        processor.threads = order.threads;
+        const processor = await Processor.open(Deno.readFileSync(order.module), order.threads);
         return WasmExecution.create(processor, plan);
     }
     const { Device, requestAdapter } = await load("gpu-device.js");

@@ -451,12 +451,9 @@ def test_compatibility_mode_serves_where_there_is_nothing_else(session: Session)
     assert [m["type"] for m in messages] == ["progress", "done"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("browser", ["web_page", "firefox_page"])
-def test_webassembly_measures_where_there_is_no_adapter(
-    request: pytest.FixtureRequest, browser: str, web_server: Any, order: dict[str, Any], pack: Path
-) -> None:
-    page = request.getfixturevalue(browser)
+@pytest.fixture
+def wasm_order(web_server: Any, order: dict[str, Any], pack: Path) -> None:
+    """The order for WebAssembly, served."""
     publish(web_server, pack, order)
     configurations = [
         orders.configuration(each["name"], parameters, pack, each["band"], each["trajectory"], "wasm")
@@ -465,13 +462,21 @@ def test_webassembly_measures_where_there_is_no_adapter(
     changed = {"backend": "wasm", "module": orders.serve_module(web_server), "configurations": configurations}
     web_server.documents["/order-wasm"] = orders.encoded(order | changed)
 
+
+@pytest.mark.slow
+@pytest.mark.parametrize("browser", ["web_page", "firefox_page"])
+def test_webassembly_measures_where_there_is_no_adapter(
+    request: pytest.FixtureRequest, browser: str, wasm_order: None
+) -> None:
+    page = request.getfixturevalue(browser)
+
     messages = page.evaluate(WORK, {"url": "/order-wasm", "stopIn": 0})
 
     assert messages[-1] == {"type": "done", "interrupted": False}
     [clock] = of(messages, "session")
-    cores = page.evaluate("() => navigator.hardwareConcurrency")
+    claimed = page.evaluate("() => navigator.hardwareConcurrency")
     assert (clock["backend"], clock["stage_clock"]) == ("wasm", "wall")
-    assert clock["threads"] == min(cores, 4)
+    assert (clock["threads"] in (1, 2, 4), clock["threads_claimed"]) == (True, claimed)
     for result in runs_of(messages):
         assert (result["status"], result["failure"]) == ("ok", None)
         assert result["deviation"] < 0.005
@@ -479,3 +484,82 @@ def test_webassembly_measures_where_there_is_no_adapter(
         sums = np.sum(list(result["stages_us"].values()), axis=0)
         assert (sums <= result["frame_us"]).all()
     assert {(m["width"], m["height"], m["pixels"]) for m in of(messages, "picture")} == {(80, 60, 19200)}
+
+
+# The device's threads take so many milliseconds a frame, and those of `broken` cannot be started.
+PACE = """
+    const { WasmExecution } = await import("/measure/wasm.js");
+    const { create } = WasmExecution;
+    const { run } = WasmExecution.prototype;
+    const tried = [];
+    WasmExecution.create = async (processor, plan) => {
+        if (processor.threads === given.broken) throw new Error("a thread could not be started");
+        if (plan.dispatches.length) tried.push(processor.threads);
+        return create(processor, plan);
+    };
+    WasmExecution.prototype.run = async function (...frame) {
+        return { ...await run.apply(this, frame), seconds: given.paces[this.threads] / 1000 };
+    };
+"""
+CHOOSE = """self.onmessage = async ({ data: given }) => {
+    FETCH_ORDER
+    PACE
+    const { measure } = await import("/measure/measurement.js");
+    const order = { ...await fetchOrder("/order-wasm"), session: given.session };
+    const stopping = new AbortController();
+    let clock = null;
+    await measure(order, {
+        gpu: undefined,
+        send: (message) => {
+            if (message.type !== "session") return;
+            clock = message;
+            stopping.abort();
+        },
+        stored: async () => undefined,
+        signal: stopping.signal,
+    });
+    self.postMessage({ clock, tried });
+}""".replace("FETCH_ORDER", orders.FETCH_ORDER).replace("PACE", PACE)
+# Threads wait for each other, which a page's own thread may not.
+IN_A_WORKER = """(given) => new Promise((resolve, reject) => {
+    const worker = new Worker("/measure/choosing.js", { type: "module" });
+    worker.onerror = (error) => reject(new Error(error.message));
+    worker.onmessage = ({ data }) => resolve(data);
+    worker.postMessage(given);
+})"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("paces", "broken", "chosen"),
+    [
+        ({1: 8.0, 2: 5.0, 4: 3.0}, 0, 4),
+        ({1: 11.0, 2: 20.0, 4: 40.0}, 0, 1),
+        ({1: 8.0, 2: 5.0, 4: 12.0}, 0, 2),
+        ({1: 8.0, 2: 5.0, 4: 3.0}, 4, 2),
+    ],
+    ids=["four", "one on a busy machine", "two", "four cannot be started"],
+)
+def test_as_many_threads_compute_as_were_measured_to_be_fastest(
+    web_page: Any,
+    web_server: Any,
+    wasm_order: dict[str, Any],
+    paces: dict[int, float],
+    broken: int,
+    chosen: int,
+) -> None:
+    given = {"paces": {str(threads): pace for threads, pace in paces.items()}, "broken": broken}
+
+    web_server.documents["/measure/choosing.js"] = CHOOSE.encode()
+
+    found = web_page.evaluate(IN_A_WORKER, given | {"session": None})
+
+    assert found["clock"]["threads"] == chosen
+    assert found["clock"]["threads_claimed"] == web_page.evaluate("() => navigator.hardwareConcurrency")
+    trials = [threads for threads in (1, 2, 4, 4, 2, 1) if threads != broken]
+    assert found["tried"][: len(trials)] == trials
+    assert set(found["tried"][len(trials) :]) == {chosen}
+    # A resumed session computes by the threads that it began with.
+    begun = {"backend": "wasm", "threads": 2, "stage_clock": "wall", "empty_frame_us": 9.0}
+    resumed = web_page.evaluate(IN_A_WORKER, given | {"broken": 0, "session": begun})
+    assert (resumed["clock"]["threads"], set(resumed["tried"])) == (2, {2})

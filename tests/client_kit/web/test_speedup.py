@@ -14,6 +14,7 @@ from client_kit.delivery.manifest import Manifest
 from client_kit.measuring.session import Run, begin
 from tests.builders import manifests
 from tests.client_kit.web.serving import evaluated
+from wire import session_statistics
 
 BANDS = {"default": 0.002, "best": 0.01}
 ASKED = Manifest.parse(
@@ -24,8 +25,11 @@ ASKED = Manifest.parse(
 STAGES = ("preprocessing", "tracking")
 COMPUTE = """async ({ sessions, protocol, bands }) => {
     const speedup = await import("/measure/speedup.js");
+    const found = (runs) => speedup.speedupOf(runs, "best", protocol, bands);
     return sessions.map((runs) => ({
-        speedup: speedup.speedupOf(runs, "best", protocol, bands),
+        speedup: found(runs),
+        wide: found(runs) && speedup.isWide(found(runs)),
+        slower: speedup.slowedDown(runs, protocol),
         valid: runs.map((run) => speedup.isValid(run, protocol, bands)),
         seconds: runs.map((run) => run.frame_us.length ? speedup.meanSeconds(run, protocol) : null),
         stages: runs.map((run) => run.frame_us.length ? speedup.stageSeconds(run, protocol) : null),
@@ -57,14 +61,15 @@ def made_up_session(seed: int) -> tuple[Run, ...]:
     if chance.random() < 0.5:
         chance.shuffle(names)
     names = names[: chance.randrange(len(names) + 1)] if chance.random() < 0.3 else names
-    slower = chance.choice([1, 40])  # in its second half, best is
+    later = chance.choice([{}, {"best": 40}, {"best": 40}, {"default": 40, "best": 40}])
+    slower = dict.fromkeys(names, 1) | later
     return tuple(
         made_up_run(
             chance,
             name,
             names[:order].count(name),
             order,
-            slower if name == "best" and 2 * order > len(names) else 1,
+            slower[name] if 2 * order >= len(names) else 1,
         )
         for order, name in enumerate(names)
     )
@@ -78,7 +83,7 @@ def document(run: Run) -> dict[str, Any]:
 
 @pytest.mark.slow
 def test_random_sessions_come_to_what_python_computes(web_page: Any) -> None:
-    sessions = [made_up_session(seed) for seed in range(300)]
+    sessions = [made_up_session(seed) for seed in range(600)]
     order = {
         "sessions": [[document(run) for run in runs] for runs in sessions],
         "protocol": {"first_counted_frame": 4, "max_ate": 0.05},
@@ -87,7 +92,7 @@ def test_random_sessions_come_to_what_python_computes(web_page: Any) -> None:
 
     found = evaluated(web_page, COMPUTE, order)
 
-    intervals = changes = 0
+    intervals = changes = wide = slowdowns = 0
     for runs, result in zip(sessions, found, strict=True):
         session = replace(begin(ASKED, "webgpu", None), runs=runs)
         speedup = session.speedup("best", ASKED)
@@ -96,9 +101,15 @@ def test_random_sessions_come_to_what_python_computes(web_page: Any) -> None:
         else:
             intervals += speedup.low is not None
             changes += speedup.changed
+            is_wide = session_statistics.wide_range(speedup.low, speedup.high) is not None
+            wide += is_wide
+            assert result["wide"] == is_wide
             for name in ("value", "low", "high", "pairs", "changed"):
                 value = getattr(speedup, name)
                 assert result["speedup"][name] == (None if value is None else pytest.approx(value, rel=1e-9))
+        slower = session.slowed_down(ASKED.protocol)
+        slowdowns += slower is not None
+        assert result["slower"] == (None if slower is None else pytest.approx(slower, rel=1e-9))
         assert result["valid"] == [run.valid(ASKED) for run in runs]
         for run, seconds, stages in zip(runs, result["seconds"], result["stages"], strict=True):
             if run.frame_us:
@@ -106,6 +117,8 @@ def test_random_sessions_come_to_what_python_computes(web_page: Any) -> None:
                 assert stages == pytest.approx(run.stage_seconds(ASKED.protocol), rel=1e-12)
     assert intervals >= 20
     assert changes >= 3
+    assert 0 < wide < intervals
+    assert slowdowns >= 3
 
 
 @pytest.mark.slow

@@ -88,6 +88,23 @@ def test_the_backend_cpu_computes_on_the_processor_too(participant: Participant)
         assert processor(session) == ("Google Tensor G3", "cpu")
 
 
+def test_what_a_browser_claims_is_kept_for_its_participant(participant: Participant) -> None:
+    session = send(participant, device_document(), threads=2, threads_claimed=8)
+
+    assert (session.threads, session.extra) == (2, {"threads_claimed": 8})
+    [own] = participant.own_data()["sessions"]
+    assert own["extra"] == {"threads_claimed": 8}
+
+
+@pytest.mark.parametrize("claimed", [-1, "8", 2.5])
+def test_a_claim_is_a_number_of_processors(participant: Participant, claimed: Any) -> None:
+    sent = wasm_session(threads=2, threads_claimed=claimed)
+
+    response = participant.submit(submission_document(sent))
+
+    assert (response.status_code, response.json()["field"]) == (400, "sessions[0].threads_claimed")
+
+
 def test_no_other_session_shows_threads(client: Client, participant: Participant) -> None:
     sent = measure(participant)
 

@@ -192,6 +192,17 @@ def test_a_card_of_an_unconfirmed_device_has_no_figure(settings: Any) -> None:
     assert "Three independent installations have to agree" in card.note
 
 
+def test_a_card_of_one_session_with_a_wide_interval_shows_the_range() -> None:
+    row = speedup(11.1, "under-load", session_low=5.3, session_high=23.3)
+    detail = DeviceDetail(row.device, (row,), (), 1, 1, None)
+
+    card = cards.of_device(detail, crowd(row, speedup(2.0)))
+
+    assert plain(card.figure) == "5.30-23.3x as fast"
+    assert (card.bars, card.lit) == ((), None)
+    assert "11.1" not in card.note
+
+
 def test_a_card_of_a_private_server_says_so(settings: Any) -> None:
     for quorum, noted in ((1, True), (2, True), (3, False)):
         settings.FRONTRUNNER_QUORUM = quorum

@@ -1,14 +1,19 @@
 """What the page of a device tells beyond its figure, and the addresses of its charts."""
 
+import re
 from typing import Any
 
 import pytest
 from django.test import Client
 
+from crowd.dashboard import formats
 from crowd.dashboard.content.ranking import rank_configurations
 from crowd.dashboard.drawings import devices
+from crowd.devices.models import Installation
 from crowd.fronts.models import FrontVersion
+from crowd.results.privacy.own_page import own_page_path
 from crowd.results.reading.rows import DeviceDetail
+from tests.builders.documents import run_document, session_document
 from tests.builders.measuring import in_balanced_order, measure
 from tests.builders.participant import Participant
 from tests.builders.rows import device, speedup
@@ -102,3 +107,28 @@ def test_its_charts_are_of_the_newest_session_of_best_though_others_follow(
     assert f"/figures/sessions/{counted['id']}/frames.json" in page
     assert f"/figures/sessions/{other['id']}/frames.json" not in page
     assert "other configurations" in page
+
+
+@pytest.mark.django_db
+def test_of_one_session_with_a_wide_interval_every_page_shows_the_range_until_another_narrows_it(
+    client: Client, participant: Participant, long_front: FrontVersion
+) -> None:
+    sent = session_document(long_front.slug, pairs=4)
+    for order, microseconds in ((1, 11_000), (2, 12_000), (5, 5_000), (6, 10_000)):
+        run = sent["runs"][order]
+        sent["runs"][order] = run_document("best", run["repeat"], order, microseconds)
+    session = measure(participant, **sent)
+    device_page, session_page = "/devices/google-pixel-8/", f"/sessions/{session['id']}/"
+    [answer] = client.get(f"/api/v1{session_page.rstrip('/')}").json()["speedups"]
+    assert answer["high"] > 1.5 * answer["low"]
+    assert answer["state"] == "valid"
+    point, interval = formats.speedup(answer["speedup"]), formats.interval(answer["low"], answer["high"])
+    own = own_page_path(Installation.objects.get())
+
+    for address in (device_page, session_page, own, "/devices/", "/", "/search/?q=pixel"):
+        page = client.get(address).content.decode()
+        assert interval in page, address
+        assert point not in page, address
+
+    measure(join(), **session_document(long_front.slug, pairs=4, best_us=11_000))
+    assert re.search(r"Speedup of best over default \d\.\d\dx", read(client, device_page))
