@@ -117,7 +117,7 @@ CONTENDED = Rule(
     State.SUSPECT,
     Scope.SESSION,
     session_statistics.MOST_WAITED,
-    "other programs ran while it measured, and processor times are not known or say nothing",
+    "other programs took the processor while it measured",
 )
 SPEEDUP_CHANGED = Rule(
     "speedup_changed",

@@ -164,6 +164,7 @@ def answer(name: str, value: float | None, state: str = "valid") -> SessionSpeed
         speedup=value,
         low=None,
         high=None,
+        clock="wall",
         pairs=2,
         drift=None,
         ate_max=0.02,
