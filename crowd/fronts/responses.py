@@ -25,28 +25,28 @@ from wire.manifest import (
 )
 
 
-class FrontSummary(msgspec.Struct):
-    """A row in the list of fronts."""
+class PublishedFront(msgspec.Struct):
+    """What identifies a front."""
 
     version: str
     application: str
     state: str
     digest: str
     published_at: datetime
+
+
+class FrontSummary(PublishedFront):
+    """A row in the list of fronts."""
+
     configurations: int
 
 
-class FrontDetail(msgspec.Struct):
+class FrontDetail(PublishedFront):
     """A front with all its members.
 
     `probes` are further configurations, which clients measure only if they are asked to.
     """
 
-    version: str
-    application: str
-    state: str
-    digest: str
-    published_at: datetime
     configurations: list[Configuration]
     probes: list[Configuration]
     protocol: Protocol
@@ -165,24 +165,22 @@ def _reference(kind: str, sha256: str) -> ContentReference:
 
 def summary(front: Front) -> FrontSummary:
     """`front` as a row of a list."""
-    assert front.published_at is not None  # only published fronts are shown
-    return FrontSummary(
-        front.slug, front.application, front.state, front.digest, front.published_at, len(front.points)
-    )
+    return FrontSummary(*_identity(front), len(front.points))
 
 
 def detail(front: Front) -> FrontDetail:
     """`front` with all its members."""
-    assert front.published_at is not None  # only published fronts are shown
     return FrontDetail(
-        version=front.slug,
-        application=front.application,
-        state=front.state,
-        digest=front.digest,
-        published_at=front.published_at,
+        *_identity(front),
         configurations=[_with_results(front, point) for point in front.points],
         probes=[_with_results(front, point) for point in front.probes],
         protocol=front.protocol,
         sequence=front.sequence,
         provenance=front.provenance,
     )
+
+
+def _identity(front: Front) -> tuple[str, str, str, str, datetime]:
+    """The members of `front` for PublishedFront."""
+    assert front.published_at is not None  # only published fronts are shown
+    return front.slug, front.application, front.state, front.digest, front.published_at

@@ -2,26 +2,26 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
 
 from crowd.fronts.content.generalisation import Results, generalises
 from crowd.predictions import tables
-from crowd.predictions.measurements import Figure
 from crowd.predictions.tables import CrowdTable
+from crowd.records.record import Record
 from pareto.devices.ladder import interval
 from pareto.devices.prediction import Belief, Observation
-from wire.front import DEFAULT, Front, Point
+from wire.front import DEFAULT, Front
+from wire.meaning import means
 
 MAX_RELATIVES = 8  # of a family, those with the most measurements
 MAX_NEAREST = 3
 NOTHING = Observation(np.array([], dtype=np.intp), np.array([]), np.array([]))
 
 
-@dataclass(frozen=True)
-class PredictedPoint:
+class PredictedPoint(Record, frozen=True, kw_only=True):
     """A configuration on one device: its speedup over the default, with a 95 % interval.
 
     `measured`: the device measured it, and the interval is that of its figure. `ate_max` (m): the
@@ -31,17 +31,22 @@ class PredictedPoint:
     `generalises`: it is not much worse than the default there.
     """
 
-    configuration: str
-    parameters: dict[str, Any]
-    ate_max: float | None
-    ratio: float
-    low: float
-    high: float
+    configuration: Annotated[str, means("name of the configuration in the front")]
+    parameters: Annotated[dict[str, Any], means("values by the names of the parameters")]
+    ate_max: Annotated[float | None, means("largest distance of the camera from its true place", "m")]
+    held_out_ate_max: Annotated[float | None, means("the same on held-out sequences", "m")] = None
+    ratio: Annotated[float, means("how many times faster than the default")]
+    low: Annotated[float, means("lower end of the 95 % interval")]
+    high: Annotated[float, means("upper end of the 95 % interval")]
     measured: bool
     probe: bool
     skipped: float | None = None
-    held_out_ate_max: float | None = None
     generalises: bool = True
+
+    @property
+    def state(self) -> Annotated[str, means("measured or predicted")]:
+        """measured or predicted."""
+        return "measured" if self.measured else "predicted"
 
 
 @dataclass(frozen=True)
@@ -130,41 +135,40 @@ def _prediction(
 ) -> FrontPrediction:
     low, high = interval(belief, learned.scale)
     figures = {} if row is None else table.figures(row)
+    default = front.point(DEFAULT)
     points = []
-    for point in (*front.points, *front.probes):
-        probe = point in front.probes
+    for point in front.content.every:
+        figure = None if point.name == DEFAULT else figures.get(point.name)
         if point.name == DEFAULT:
-            one = PredictedPoint(
-                DEFAULT, point.parameters, point.ate_max, 1.0, 1.0, 1.0, row is not None, False
-            )
+            logs = [0.0, 0.0, 0.0]
         elif point.name not in table.places:
             continue
-        elif point.name in figures:
-            one = _measured_point(point, figures[point.name], probe)
+        elif figure is not None:
+            half = tables.NORMAL_95 * figure.error
+            logs = [figure.log_ratio, figure.log_ratio - half, figure.log_ratio + half]
         else:
-            column = table.places[point.name]
-            mean, least, most = (math.exp(float(logs[column])) for logs in (belief.mean, low, high))
-            shown = (point.name, point.parameters, point.ate_max)
-            one = PredictedPoint(*shown, mean, least, most, False, probe, point.skipped)
-        points.append(_with_held_out(one, point, front.point(DEFAULT)))
+            logs = [float(each[table.places[point.name]]) for each in (belief.mean, low, high)]
+        ratio, least, most = map(math.exp, logs)
+        errors = [error for error in (point.ate_max, figure and figure.ate_max) if error is not None]
+        own, beside = (Results((), known.held_out if known else ()) for known in (point, default))
+        points.append(
+            PredictedPoint(
+                configuration=point.name,
+                parameters=point.parameters,
+                ate_max=max(errors, default=None),
+                held_out_ate_max=point.held_out_ate_max,
+                ratio=ratio,
+                low=least,
+                high=most,
+                measured=figure is not None or (point.name == DEFAULT and row is not None),
+                probe=point in front.probes,
+                skipped=point.skipped,
+                generalises=generalises(own, beside),
+            )
+        )
     return FrontPrediction(
         tuple(points), tuple(near), seconds, learned.rung, learned.devices, learned.sessions
     )
-
-
-def _with_held_out(one: PredictedPoint, point: Point, default: Point | None) -> PredictedPoint:
-    own, beside = (Results((), known.held_out if known else ()) for known in (point, default))
-    return replace(one, held_out_ate_max=point.held_out_ate_max, generalises=generalises(own, beside))
-
-
-def _measured_point(point: Point, figure: Figure, probe: bool) -> PredictedPoint:
-    """`point` with the figure that the device measured."""
-    half = tables.NORMAL_95 * figure.error
-    errors = [error for error in (point.ate_max, figure.ate_max) if error is not None]
-    low, high = math.exp(figure.log_ratio - half), math.exp(figure.log_ratio + half)
-    ratio, largest = math.exp(figure.log_ratio), max(errors, default=None)
-    shown = (point.name, point.parameters, largest)
-    return PredictedPoint(*shown, ratio, low, high, True, probe, point.skipped)
 
 
 def nearest(table: CrowdTable, row: str | None, family: str) -> Sequence[SimilarRow]:

@@ -1,7 +1,6 @@
 """What to use on a device, and how good such advice turned out to be."""
 
 from copy import deepcopy
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -23,7 +22,12 @@ DIFFERENT: dict[str, Any] = {"costs": {"integration": 40.0}, "probes": ["probe-1
 
 def point(name: str, ratio: float, ate_max: float | None = 0.02, probe: bool = False) -> PredictedPoint:
     """A prediction whose interval reaches a tenth to either side."""
-    return PredictedPoint(name, {}, ate_max, ratio, 0.9 * ratio, 1.1 * ratio, False, probe)
+    return between(name, ratio, 0.9 * ratio, 1.1 * ratio, ate_max=ate_max, probe=probe)
+
+
+def between(name: str, ratio: float, low: float, high: float, **changes: Any) -> PredictedPoint:
+    usual: dict[str, Any] = {"parameters": {}, "ate_max": 0.02, "measured": False, "probe": False}
+    return PredictedPoint(configuration=name, ratio=ratio, low=low, high=high, **(usual | changes))
 
 
 def expectation(*points: PredictedPoint, seconds: float | None = None) -> FrontPrediction:
@@ -66,7 +70,7 @@ def test_an_error_is_the_largest_of_the_sequences_learned_on(document: dict[str,
 
 def test_a_point_that_does_not_generalise_is_never_recommended() -> None:
     """However fast it is. Its error on the sequences learned on says nothing."""
-    special = replace(point("front-01", 20.0), generalises=False)
+    special = between("front-01", 20.0, 18.0, 22.0, generalises=False)
 
     assert recommend(expectation(point("best", 10.0), special)).configuration == "best"
     own, default = (SequenceResult("attic", error, 0) for error in (0.08, 0.04))
@@ -133,8 +137,8 @@ def test_recommendations_of_erased_devices_are_forgotten(measured: Any) -> None:
 
 
 def test_a_sure_winner_counts_though_an_unsure_one_is_predicted_faster() -> None:
-    unsure = PredictedPoint("front-01", {}, 0.02, 12.0, 9.0, 16.0, False, False)
-    sure = PredictedPoint("front-02", {}, 0.02, 11.5, 11.3, 11.7, False, False)
+    unsure = between("front-01", 12.0, 9.0, 16.0)
+    sure = between("front-02", 11.5, 11.3, 11.7)
 
     assert recommend(expectation(point("best", 10.0), unsure, sure)).configuration == "front-02"
 

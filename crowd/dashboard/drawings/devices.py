@@ -83,14 +83,18 @@ def attempts_of(crowd: Speedups, slug: str, figure: Speedup | None) -> tuple[int
 
     Only on the processor of `figure`, if given.
     """
-    rows = [
-        row
+    counts = [
+        row.counts
         for row in crowd.outcomes
         if row.device.slug == slug
         and row.configuration == BEST
         and (figure is None or (row.backend, row.processor) == (figure.backend, figure.processor))
     ]
-    return sum(row.sessions for row in rows), sum(row.failed for row in rows), sum(row.lost for row in rows)
+    return (
+        sum(one.sessions for one in counts),
+        sum(one.failed for one in counts),
+        sum(one.lost for one in counts),
+    )
 
 
 def read_configurations(request: HttpRequest, slug: str) -> Configurations:

@@ -1,8 +1,7 @@
 """Query parameters that several lists of results share: their descriptions and parsing."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiParameter
@@ -46,11 +45,6 @@ PERIOD_PARAMETERS = [
     ),
     OpenApiParameter("until", OpenApiTypes.DATE, description="a day: only sessions up to its end (UTC)"),
 ]
-
-
-def parameter_names(filters: type[Any]) -> list[str]:
-    """The query parameters of `filters`, a dataclass."""
-    return [field.name for field in fields(filters)]
 
 
 def parse_query(read: Callable[[Mapping[str, str]], T], request: Request) -> T:

@@ -15,7 +15,6 @@ from crowd.results.api.parameters import (
     SIMULATED_PARAMETER,
     SWITCH,
     TEXT,
-    parameter_names,
     parse_query,
 )
 from crowd.results.reading import selectors
@@ -52,7 +51,7 @@ class SpeedupsView(Endpoint):
         responses={200: responses.SpeedupPage},
     )
     def get(self, request: Request) -> HttpResponseBase:
-        reject_unknown_parameters(request, *parameter_names(SpeedupFilters), *PAGE_PARAMETERS)
+        reject_unknown_parameters(request, *SpeedupFilters.names(), *PAGE_PARAMETERS)
         speedups = selectors.speedups(_filters(request))
         rows = paginate(request, speedups.rows, lambda row: row.key, responses.speedup)
         return public_json(

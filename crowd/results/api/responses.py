@@ -13,7 +13,7 @@ from crowd.records.speedup import Speedup
 from crowd.results.api.session_responses import SessionAnswer, session
 from crowd.results.figures.dry_run import Judgement
 from crowd.results.models import State
-from crowd.results.reading.rows import Headline, ModelOutcomes, SubmissionRow
+from crowd.results.reading.rows import Headline, MeanSpeedup, ModelOutcomes, SubmissionRow
 from crowd.results.reading.transferring.rows import DeviceCorrelation
 
 HEADLINE_METHOD = (
@@ -89,21 +89,13 @@ class SpeedupAnswer(answer(Speedup)):  # type: ignore[misc]
     """
 
 
-class HeadlineAnswer(msgspec.Struct):
+class HeadlineAnswer(answer(MeanSpeedup)):  # type: ignore[misc]
     """The mean speedup over the device models with a confirmed figure; null without any.
 
     low and high are the 95 % interval for the mean of the models measured, all_low and all_high for the mean
     of all models that might be measured: null for fewer than 29.
     """
 
-    value: float | None
-    low: float | None
-    high: float | None
-    all_low: float | None
-    all_high: float | None
-    median: float | None
-    models: int
-    networks: int
     method: str
 
 
@@ -203,17 +195,7 @@ def crowd(row: Headline, outcomes: ModelOutcomes) -> Crowd:
     return Crowd(
         devices=row.devices,
         sessions=row.sessions,
-        headline=HeadlineAnswer(
-            value=row.mean,
-            low=row.low,
-            high=row.high,
-            all_low=row.all_low,
-            all_high=row.all_high,
-            median=row.median,
-            models=row.devices,
-            networks=row.networks,
-            method=HEADLINE_METHOD,
-        ),
+        headline=fill(HeadlineAnswer, row, method=HEADLINE_METHOD),
         geometric_mean=row.geometric_mean,
         min=row.min,
         max=row.max,
@@ -249,13 +231,7 @@ def device_detail(
 
 def correlated(row: DeviceCorrelation) -> Correlated:
     """A correlation as JSON."""
-    return Correlated(
-        devices=[row.first, row.second],
-        front=row.front,
-        configurations=row.configurations,
-        pearson=Coefficient(row.pearson.value, row.pearson.low, row.pearson.high),
-        spearman=Coefficient(row.spearman.value, row.spearman.low, row.spearman.high),
-    )
+    return msgspec.convert(row, Correlated, from_attributes=True)
 
 
 def judged(judgements: list[Judgement]) -> list[JudgedConfiguration]:

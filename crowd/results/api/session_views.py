@@ -22,7 +22,6 @@ from crowd.results.api.parameters import (
     SIMULATED_PARAMETER,
     SWITCH,
     TEXT,
-    parameter_names,
     parse_query,
 )
 from crowd.results.reading import lists, selectors
@@ -126,7 +125,7 @@ def _page(
     encode: Callable[[R], Any],
 ) -> HttpResponseBase:
     """A page of the rows that `read` finds for the filters (a `kind`) of `request`."""
-    reject_unknown_parameters(request, *parameter_names(kind), *PAGE_PARAMETERS)
+    reject_unknown_parameters(request, *kind.names(), *PAGE_PARAMETERS)
     filters = parse_query(kind.parse, request)
     page = paginate_query(
         request, lambda limit, last: read(filters, limit, last), lambda row: str(row.uuid), encode

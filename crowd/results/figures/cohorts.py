@@ -33,7 +33,17 @@ COHORT_RULES = (rules.OUTLIER.code, rules.IMPLAUSIBLE_SPEEDUP.code, rules.IMPOSS
 
 # The columns that identify a cohort.
 KEY_COLUMNS = ("device_id", "front_id", "backend", "processor", "processor_class")
-CohortKey = tuple[int, int, str, str, str]
+
+
+class CohortKey(NamedTuple):
+    """The values of a cohort for KEY_COLUMNS."""
+
+    device: int
+    front: int
+    backend: str
+    processor: str
+    processor_class: str
+
 
 # What counts once: a network (its key) or, if that is unknown, an installation (its key).
 Unit = UUID | str
@@ -108,7 +118,7 @@ class _Installation:
 
 def cohort_key(cohort: Cohort) -> CohortKey:
     """The values of `cohort` for KEY_COLUMNS."""
-    return cohort.device_id, cohort.front_id, cohort.backend, cohort.processor, cohort.processor_class
+    return CohortKey(*(getattr(cohort, name) for name in KEY_COLUMNS))
 
 
 def lock_cohorts(cohorts: QuerySet[Cohort]) -> list[Cohort]:

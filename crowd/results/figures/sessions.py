@@ -6,7 +6,7 @@ Everything here can run again at any time, also in several processes at once.
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from uuid import UUID
 
 from django.db import transaction
@@ -17,6 +17,7 @@ from crowd.database.prepared import insert
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation, ProcessorClass
 from crowd.fronts.models import FrontVersion
 from crowd.results.figures import cohorts
+from crowd.results.figures.cohorts import KEY_COLUMNS, CohortKey
 from crowd.results.figures.plausible import PlausibilityBounds
 from crowd.results.models import (
     Cohort,
@@ -42,29 +43,18 @@ LARGE_DEVICE_SESSIONS = 1_000
 # Monitoring looks at no more waiting sessions of each kind: its answer must not cost more over time.
 WAITING_LIMIT = 10_000
 
-COLUMNS = (
-    "pk", "installation_id", "device_id", "front_id", "backend", "processor", "processor_class", "started_at",
-    "received_at", "description_id",
-)  # fmt: skip
+COLUMNS = ("pk", "installation_id", "started_at", "received_at", "description_id")
 
 
 class SessionColumns(NamedTuple):
-    """The COLUMNS of a session."""
+    """The key of a session's cohort, and its COLUMNS."""
 
+    group: CohortKey
     key: int
     installation: UUID
-    device: int
-    front: int
-    backend: str
-    processor: str
-    processor_class: str
     started_at: datetime
     received_at: datetime
     description: int
-
-    @property
-    def group(self) -> cohorts.CohortKey:
-        return self.device, self.front, self.backend, self.processor, self.processor_class
 
 
 class Part(NamedTuple):
@@ -235,7 +225,11 @@ def count_activity(devices: Iterable[int]) -> None:
 def _lock_sessions(keys: Sequence[int]) -> list[SessionColumns]:
     """Lock the sessions `keys`, in order, until the transaction ends. Deleted ones are skipped."""
     rows = MeasurementSession.objects.select_for_update().filter(pk__in=keys).order_by("pk")
-    return [SessionColumns(*row) for row in rows.values_list(*COLUMNS)]
+    size = len(KEY_COLUMNS)
+    return [
+        SessionColumns(CohortKey(*row[:size]), *row[size:])
+        for row in rows.values_list(*KEY_COLUMNS, *COLUMNS)
+    ]
 
 
 def _summaries(
@@ -245,8 +239,8 @@ def _summaries(
 
     `groups`: the key of each session's cohort. At most eight queries.
     """
-    fronts = _fronts({row.front for row in sessions})
-    context = {row.key: SessionContext(row.installation, fronts[row.front]) for row in sessions}
+    fronts = _fronts({row.group.front for row in sessions})
+    context = {row.key: SessionContext(row.installation, fronts[row.group.front]) for row in sessions}
     runs = judge_runs(context, decisions)
     emulators = _emulators({row.description for row in sessions})
     inputs = [
@@ -257,8 +251,8 @@ def _summaries(
             started_at=row.started_at,
             # The daily limit uses the clock of the server: that of a client may be wrong.
             day=row.received_at.astimezone(UTC).date(),
-            front=fronts[row.front],
-            on_processor=row.processor_class == ProcessorClass.CPU,
+            front=fronts[row.group.front],
+            on_processor=row.group.processor_class == ProcessorClass.CPU,
             emulated=row.description in emulators,
             released=decisions.released(row.key),
         )
@@ -295,29 +289,23 @@ def _emulators(descriptions: Collection[int]) -> set[int]:
 
 def _small_devices(groups: Iterable[Cohort], sessions: Iterable[SessionColumns]) -> set[int]:
     """Keys of the devices of `groups` and `sessions` whose figures are quick to compute."""
-    devices = {cohort.device_id for cohort in groups} | {session.device for session in sessions}
+    devices = {cohort.device_id for cohort in groups} | {session.group.device for session in sessions}
     large = DeviceActivity.objects.filter(device__in=devices, sessions__gt=LARGE_DEVICE_SESSIONS)
     return devices - set(large.values_list("device_id", flat=True))
 
 
-def _lock_cohorts(sessions: Iterable[SessionColumns], left: set[int]) -> dict[cohorts.CohortKey, Cohort]:
+def _lock_cohorts(sessions: Iterable[SessionColumns], left: set[int]) -> dict[CohortKey, Cohort]:
     """Lock the cohorts of `sessions`, created where missing, and those with the keys `left`."""
     groups = {session.group for session in sessions}
-    of_devices = Cohort.objects.filter(Q(pk__in=left) | Q(device__in={group[0] for group in groups}))
+    of_devices = Cohort.objects.filter(Q(pk__in=left) | Q(device__in={group.device for group in groups}))
     locked = {
         cohorts.cohort_key(cohort): cohort
         for cohort in cohorts.lock_cohorts(of_devices)
         if cohort.pk in left or cohorts.cohort_key(cohort) in groups
     }
     for group in sorted(groups - locked.keys()):
-        device, front, backend, processor, processor_class = group
-        made, _ = Cohort.objects.get_or_create(
-            device_id=device,
-            front_id=front,
-            backend=backend,
-            processor=processor,
-            processor_class=processor_class,
-        )
+        key: dict[str, Any] = dict(zip(KEY_COLUMNS, group, strict=True))
+        made, _ = Cohort.objects.get_or_create(**key)
         # Another writer may have created it just now.
         [locked[group]] = cohorts.lock_cohorts(Cohort.objects.filter(pk=made.pk))
     return locked

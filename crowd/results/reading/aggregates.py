@@ -96,11 +96,9 @@ def model_outcomes(rows: Iterable[CohortOutcome], configuration: str = BEST) -> 
     """How many device models of `rows` failed or lost the camera with `configuration`."""
     models: dict[str, tuple[int, int, int]] = {}
     for row in rows:
-        if row.configuration != configuration:
+        counts = (row.counts.networks, row.counts.networks_failed, row.counts.networks_lost)
+        if row.configuration != configuration or row.counts.networks < settings.FRONTRUNNER_QUORUM:
             continue
-        if row.networks < settings.FRONTRUNNER_QUORUM:
-            continue
-        counts = (row.networks, row.networks_failed, row.networks_lost)
         # Of a model's processors, the one with the most networks.
         models[row.device.slug] = max(counts, models.get(row.device.slug, counts))
     return ModelOutcomes(
@@ -124,7 +122,7 @@ def headline(
         models[row.device.slug].append(row)
     unconfirmed = len({row.device.slug for row in shown} - models.keys())
     if not models:
-        return Headline(0, 0, None, None, None, None, None, None, None, None, None, unconfirmed)
+        return Headline(unconfirmed=unconfirmed)
     weighed = networks.weigh(
         [[(row.estimate, row.unit_logs) for row in figures] for figures in models.values()],
         bounds.get(counted[0].configuration, WIDEST_BOUNDS),

@@ -5,43 +5,35 @@ Times of day are rounded down to the hour, so that a row cannot be matched with 
 
 from dataclasses import dataclass, field
 from datetime import datetime
+from typing import Annotated
 from uuid import UUID
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd.devices.naming.chips import vendor
 from crowd.records.device import Device
+from crowd.records.record import Record
 from crowd.records.run import RunRow
 from crowd.records.session import SessionRow
 from crowd.records.speedup import Speedup
+from crowd.results.figures.cohorts import OutcomeCounts
 from wire.front import Protocol
+from wire.meaning import means
 
 
 @dataclass(frozen=True)
 class CohortOutcome:
     """Failures of a configuration in one cohort: one device model, backend and chip.
 
-    `sessions` ran it; in `failed` and `lost` of them a run failed or lost the camera. The same of the known
-    networks that they come from.
+    `vendor`: the family of the chip that computed, one of crowd.devices.naming.vendors.VENDORS.
     """
 
     device: Device
     configuration: str
     backend: str
     processor: str
-    processor_class: str
-    sessions: int
-    failed: int
-    lost: int
-    networks: int
-    networks_failed: int
-    networks_lost: int
-
-    @property
-    def vendor(self) -> str:
-        """The family of the chip that computed, one of crowd.devices.naming.chips.VENDORS."""
-        return vendor(self.processor, self.device.gpu, self.processor_class)
+    vendor: str
+    counts: OutcomeCounts
 
 
 @dataclass(frozen=True)
@@ -70,32 +62,43 @@ class ModelOutcomes:
     losing: int
 
 
-@dataclass(frozen=True)
-class Headline:
+class MeanSpeedup(Record, frozen=True, kw_only=True):
     """The mean speedup over the device models with a confirmed figure; None without any.
 
     `low` and `high` bound the mean of these models with 95 % confidence, None below three models of few
     installations. `all_low` and `all_high` bound the mean of all models that might be measured, None for a
     small sample. `mean` is the geometric mean, in which a model far from all others counts like the nearest
     (`statistics.within_reach`), and models of few `networks` count by these (`figures.networks`), as in
-    `median`. `geometric_mean` is that of the models' speedups as they are; `min` and `max` are the smallest
-    and the largest. `unconfirmed`: the number of other models, which do not count here. For ALL
-    configurations, it is about `best`. `range`: of a single model, what is shown in place of its speedup.
+    `median`.
     """
 
-    devices: int
-    sessions: int
-    mean: float | None
-    low: float | None
-    high: float | None
-    all_low: float | None
-    all_high: float | None
-    geometric_mean: float | None
-    median: float | None
-    min: float | None
-    max: float | None
+    mean: Annotated[float | None, means("the mean", json="value")] = None
+    low: Annotated[float | None, means("lower end of the 95 % interval")] = None
+    high: Annotated[float | None, means("upper end of the 95 % interval")] = None
+    all_low: Annotated[
+        float | None, means("lower end of the interval for the mean of all models that might be measured")
+    ] = None
+    all_high: Annotated[
+        float | None, means("upper end of the interval for the mean of all models that might be measured")
+    ] = None
+    median: Annotated[float | None, means("median over models")] = None
+    devices: Annotated[int, means("device models that count", json="models")] = 0
+    networks: Annotated[int, means("known networks that measured these models")] = 0
+
+
+class Headline(MeanSpeedup, frozen=True, kw_only=True):
+    """The mean speedup, and what is known of the same models besides.
+
+    `geometric_mean` is that of the models' speedups as they are; `min` and `max` are the smallest and the
+    largest. `unconfirmed`: the number of other models, which do not count here. For ALL configurations, it is
+    about `best`. `range`: of a single model, what is shown in place of its speedup.
+    """
+
+    sessions: int = 0
+    geometric_mean: float | None = None
+    min: float | None = None
+    max: float | None = None
     unconfirmed: int
-    networks: int = 0
     range: tuple[float, float] | None = None
 
 

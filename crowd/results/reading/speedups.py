@@ -2,13 +2,14 @@
 
 from collections.abc import Iterable, Mapping
 from datetime import UTC, date, datetime, time, timedelta
-from typing import Any, Protocol
+from typing import Any
 
 from django.conf import settings
 from django.db.models import CharField, QuerySet
 
 from crowd.database.prepared import CompiledQuery, Placeholder
 from crowd.devices import revision
+from crowd.devices.naming.chips import vendor
 from crowd.fronts import selectors
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.records.device import Device
@@ -19,7 +20,7 @@ from crowd.results.figures.plausible import possible_range
 from crowd.results.models import Cohort, DeviceSpeedup, Outcome, SessionSummary, State
 from crowd.results.public_rows import figure_row, read_devices, speedup_rows
 from crowd.results.reading.aggregates import Speedups
-from crowd.results.reading.queries.filters import ALL, SpeedupFilters, exact_text
+from crowd.results.reading.queries.filters import ALL, Filters, SpeedupFilters, exact_text
 from crowd.results.reading.rows import CohortOutcome
 from crowd.results.reading.versioned_cache import VersionedCache
 from crowd.results.validity.plausibility import Bounds
@@ -103,24 +104,7 @@ def _possible_ranges(front: str | None, rows: Iterable[Speedup]) -> dict[str, Bo
     }
 
 
-class DeviceFilters(Protocol):
-    """Filters on a device and its chip."""
-
-    @property
-    def device(self) -> str: ...
-    @property
-    def vendor(self) -> str: ...
-    @property
-    def backend(self) -> str: ...
-    @property
-    def soc(self) -> str: ...
-    @property
-    def gpu(self) -> str: ...
-    @property
-    def os(self) -> str: ...
-
-
-def matches(filters: DeviceFilters, device: Device, vendor: str, backend: str) -> bool:
+def matches(filters: Filters, device: Device, vendor: str, backend: str) -> bool:
     """Whether `device`, measured with `backend` on a chip of `vendor`, matches `filters`.
 
     Filters only use public data: a masked model is found by its chip only.
@@ -195,10 +179,10 @@ def _outcomes(
         if cohort is None:  # created after COHORTS were read
             continue
         device = devices[cohort.device_id]
-        row = CohortOutcome(
-            device, names[configuration], cohort.backend, cohort.processor, cohort.processor_class, *numbers
-        )
-        if matches(filters, row.device, row.vendor, row.backend) and row.sessions >= filters.min_sessions:
+        chip = vendor(cohort.processor, device.gpu, cohort.processor_class)
+        outcome = figures_of.OutcomeCounts(*numbers)
+        row = CohortOutcome(device, names[configuration], cohort.backend, cohort.processor, chip, outcome)
+        if matches(filters, device, chip, row.backend) and outcome.sessions >= filters.min_sessions:
             yield row
 
 

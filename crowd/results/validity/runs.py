@@ -7,7 +7,7 @@ any order: the batch does not change the result.
 import hashlib
 from collections import defaultdict
 from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from uuid import UUID
 
 import numpy as np
@@ -26,15 +26,11 @@ from wire.protocol import PROBE_PAIRS, SHORTEST_FRAME_US, SKIPPED_TOLERANCE
 DERIVED_COLUMNS = ("mean_us", "fingerprint", "state", "reason")
 # A copy has one of these reasons, unless it is invalid.
 KNOWN_COPIES = [rule.code for rule in (rules.IDENTICAL_SERIES, rules.MODERATED, rules.RELEASED)]
-READ_COLUMNS = (
-    "pk", "session_id", "configuration_id", "repeat", "order", "status", "ate_max", "deviation", "cpu_us",
-    "waited_us", *DERIVED_COLUMNS,
-)  # fmt: skip
 
 
 @dataclass(slots=True)
 class StoredRun:
-    """The series and the READ_COLUMNS of a run, cheaper than a model instance."""
+    """The series of a run, as `packing` has them, and its READ_COLUMNS, cheaper than a model instance."""
 
     frame_us: bytes
     stages: list[str]
@@ -54,6 +50,9 @@ class StoredRun:
     fingerprint: int | None
     state: str
     reason: str
+
+
+READ_COLUMNS = [field.name for field in fields(StoredRun)][4:]
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from crowd.devices import revision
 from crowd.devices.models import DeviceModel
 from crowd.fronts.models import FrontVersion
 from crowd.records.speedup import Speedup
+from crowd.results.figures.cohorts import OutcomeCounts
 from crowd.results.models import DeviceSpeedup
 from crowd.results.reading import aggregates, selectors
 from crowd.results.reading.queries.filters import SpeedupFilters
@@ -91,9 +92,8 @@ def test_a_models_gpu_and_its_cpu_are_never_averaged() -> None:
 def test_failures_and_lost_cameras_are_counted_by_models() -> None:
     def ran(slug: str, sessions: int, failed: int, lost: int, configuration: str = "best") -> CohortOutcome:
         device = bar(slug, 1.0).device
-        return CohortOutcome(
-            device, configuration, "opencl", "Mali-G78", "gpu", sessions, failed, lost, sessions, failed, lost
-        )
+        counts = OutcomeCounts(sessions, failed, lost, sessions, failed, lost)
+        return CohortOutcome(device, configuration, "opencl", "Mali-G78", "Mali", counts)
 
     rows = [ran("a", 4, 1, 2), ran("b", 1, 1, 0), ran("c", 3, 0, 1), ran("d", 1, 1, 1, "accurate")]
 

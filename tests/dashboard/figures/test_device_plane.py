@@ -22,7 +22,10 @@ def point(
     name: str, ate_max: float | None, ratio: float, measured: bool = False, probe: bool = False
 ) -> PredictedPoint:
     low, high = (ratio, ratio) if name == "default" else (ratio / 2, ratio * 2)
-    return PredictedPoint(name, {"mu": 0.1}, ate_max, ratio, low, high, measured, probe)
+    return PredictedPoint(
+        configuration=name, parameters={"mu": 0.1}, ate_max=ate_max, ratio=ratio, low=low, high=high,
+        measured=measured, probe=probe,
+    )  # fmt: skip
 
 
 POINTS = (

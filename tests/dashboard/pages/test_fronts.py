@@ -47,9 +47,7 @@ def point(name: str, runtime: float | None, ate: float | None) -> Point:
 
 
 def mean(value: float, devices: int) -> Headline:
-    return Headline(
-        devices, devices, value, value / 2, value * 2, None, None, value, value, value, value, unconfirmed=0
-    )
+    return Headline(mean=value, low=value / 2, high=value * 2, devices=devices, unconfirmed=0)
 
 
 def shown(points: list[Point], crowd: Mapping[str, Headline] | None = None) -> MeasuredFront:

@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from datetime import date
-from typing import Any
+from typing import Any, Self
 from urllib.parse import urlencode
 from uuid import UUID
 
@@ -97,24 +97,16 @@ READERS: dict[str, Callable[[str, str], Any]] = {
 
 
 @dataclass(frozen=True)
-class RelaxedFilters:
-    """Filters with one of them removed, and a description of the removed one."""
-
-    filters: "SpeedupFilters"
-    words: str
-
-
-@dataclass(frozen=True)
-class SpeedupFilters:
-    """Filters of figures. An empty text does not restrict.
+class Filters:
+    """Filters of figures, sessions and runs. An empty text and None do not restrict.
 
     soc, gpu and os match as substrings, without regard to case; in quotation marks they match exactly. Each
-    word of `device` must occur in maker or name.
+    word of `device` must occur in maker or name. They only use public data.
     """
 
-    front: str = ""  # slug; empty: the newest measured front
-    application: str = DEFAULT_APPLICATION
-    configuration: str = BEST  # ALL for every configuration
+    front: str = ""  # slug
+    application: str = ""
+    configuration: str = ""
     device: str = ""
     vendor: str = ""  # one of crowd.devices.naming.chips.VENDORS: whose chip computed
     soc: str = ""
@@ -123,19 +115,40 @@ class SpeedupFilters:
     backend: str = ""  # one of BACKENDS
     since: date | None = None  # only sessions measured on or after that day (UTC)
     until: date | None = None  # only sessions measured on or before that day (UTC)
-    min_sessions: int = 1
-    suspect: bool = True  # include figures from suspect sessions only; the headline never does
-    simulated: bool | None = None  # all figures of a demo server are, and none of another server
+    simulated: bool | None = None  # whether on devices of a demo server
 
     @classmethod
-    def parse(cls, query: Mapping[str, str]) -> "SpeedupFilters":
+    def names(cls) -> list[str]:
+        """The names of the filters in the order of addresses, in which `simulated` is the last."""
+        return sorted((one.name for one in fields(cls)), key=lambda name: name == "simulated")
+
+    @classmethod
+    def parse(cls, query: Mapping[str, str]) -> Self:
         """The filters of `query`; absent and empty ones have defaults. Raises InvalidFilterError."""
-        return cls(**read_filters([f.name for f in fields(cls)], query))
+        return cls(**read_filters(cls.names(), query))
 
     @property
     def apply_here(self) -> bool:
-        """Whether they can match a figure of this server."""
+        """Whether they can match a row of this server."""
         return self.simulated in (None, is_demo())
+
+
+@dataclass(frozen=True)
+class RelaxedFilters:
+    """Filters with one of them removed, and a description of the removed one."""
+
+    filters: "SpeedupFilters"
+    words: str
+
+
+@dataclass(frozen=True)
+class SpeedupFilters(Filters):
+    """Filters of figures. Without a front: the newest measured one."""
+
+    application: str = DEFAULT_APPLICATION
+    configuration: str = BEST  # ALL for every configuration
+    min_sessions: int = 1
+    suspect: bool = True  # include figures from suspect sessions only; the headline never does
 
     @property
     def period(self) -> bool:
@@ -149,7 +162,8 @@ class SpeedupFilters:
 
     def query(self) -> str:
         """The shortest query string of these filters, in a fixed order; "" for the defaults."""
-        changed = {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}
+        values = {name: getattr(self, name) for name in self.names()}
+        changed = {name: value for name, value in values.items() if value != getattr(SpeedupFilters, name)}
         return urlencode({name: int(v) if isinstance(v, bool) else v for name, v in changed.items()})
 
     def relaxed(self) -> list[RelaxedFilters]:
@@ -157,11 +171,10 @@ class SpeedupFilters:
 
         `application` is never removed.
         """
-        single = [(f.name,) for f in fields(self) if f.name not in {"application", "since", "until"}]
+        single = [(name,) for name in self.names() if name not in {"application", "since", "until"}]
         relaxed = []
         for names in [*single, ("since", "until")]:
-            defaults: dict[str, Any] = {f.name: f.default for f in fields(self) if f.name in names}
-            filters = replace(self, **defaults)
+            filters = replace(self, **{name: getattr(SpeedupFilters, name) for name in names})
             if filters != self:
                 alone = {name: getattr(self, name) for name in names}
                 relaxed.append(RelaxedFilters(filters, SpeedupFilters(**alone).describe()))

@@ -1,38 +1,21 @@
 """The filters of lists of sessions and runs in the API."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from datetime import date
+from dataclasses import dataclass, replace
 from typing import Self
 from uuid import UUID
 
-from crowd.demo.mark import is_demo
 from crowd.fronts import selectors as published
-from crowd.results.reading.queries.filters import read_filters
+from crowd.results.reading.queries.filters import Filters
 from crowd.results.reading.queries.parsing import check_application, unknown_front
 
 
 @dataclass(frozen=True)
-class SessionFilters:
-    """Filters of sessions. Empty texts and None do not restrict.
+class SessionFilters(Filters):
+    """Filters of sessions. `configuration`: only sessions that measured it."""
 
-    Filters on the device work as in SpeedupFilters: they only use public data.
-    """
-
-    application: str = ""
-    front: str = ""
-    configuration: str = ""  # only sessions that measured it
-    device: str = ""
-    vendor: str = ""
-    soc: str = ""
-    gpu: str = ""
-    os: str = ""
-    backend: str = ""
-    since: date | None = None
-    until: date | None = None
     valid: bool | None = None  # with a valid, or with an invalid, summary (of `configuration`)
     confirmed: bool | None = None  # whether the figure (of `configuration`, else best) is confirmed
-    simulated: bool | None = None
 
     @classmethod
     def parse(cls, query: Mapping[str, str]) -> Self:
@@ -40,13 +23,8 @@ class SessionFilters:
 
         Raises InvalidFilterError, UnknownFrontError.
         """
-        filters = cls(**read_filters([f.name for f in fields(cls)], query))
+        filters = super().parse(query)
         return filters._published() if filters.front or filters.application else filters
-
-    @property
-    def apply_here(self) -> bool:
-        """Whether they can match a session of this server."""
-        return self.simulated in (None, is_demo())
 
     def _published(self) -> Self:
         """These filters with the application of the front. Raises UnknownFrontError, InvalidFilterError."""

@@ -142,6 +142,6 @@ def _pair(first: str, second: str, tables: dict[str, dict[str, Logs]]) -> Device
         correlation = correlate([one[name] for name in common], [other[name] for name in common])
         if correlation is not None:
             return DeviceCorrelation(
-                first, second, front, correlation.count, correlation.pearson, correlation.spearman
+                (first, second), front, correlation.count, correlation.pearson, correlation.spearman
             )
     return None

@@ -82,8 +82,7 @@ class DeviceCorrelation:
     `configurations` of one front. Pearson of log times, Spearman of ranks, each with a 95 % interval.
     """
 
-    first: str
-    second: str
+    devices: tuple[str, str]
     front: str
     configurations: int
     pearson: Estimate

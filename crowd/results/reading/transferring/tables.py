@@ -20,12 +20,18 @@ from crowd.results.reading.speedups import front_cohorts, matches, measured_fron
 from crowd.results.reading.versioned_cache import VersionedCache
 
 
-class TableCell(NamedTuple):
-    """A valid figure: the log speedup of a configuration over the baseline on a device."""
+class Measured(NamedTuple):
+    """A device with what computed on it."""
 
     device: Device
     backend: str
     processor: str
+
+
+class TableCell(NamedTuple):
+    """A valid figure: the log speedup of a configuration over the baseline on a device."""
+
+    on: Measured
     configuration: str
     baseline: str
     log_speedup: float
@@ -86,9 +92,9 @@ def _table(filters: SpeedupFilters, front: str | None, least: int, probes: bool)
     rows = list(chosen.values())
     return SpeedupTable(
         front=front,
-        devices=tuple(row.device for row in rows),
-        backends=tuple(row.backend for row in rows),
-        processors=tuple(row.processor for row in rows),
+        devices=tuple(row.on.device for row in rows),
+        backends=tuple(row.on.backend for row in rows),
+        processors=tuple(row.on.processor for row in rows),
         sessions=tuple(row.sessions for row in rows),
         configurations=tuple(names),
         log_speedups=values,
@@ -98,9 +104,7 @@ def _table(filters: SpeedupFilters, front: str | None, least: int, probes: bool)
 
 @dataclass
 class _Row:
-    device: Device
-    backend: str
-    processor: str
+    on: Measured
     logs: dict[str, float]
     sessions: int = 0
 
@@ -135,7 +139,8 @@ def _stored_cells(
         if matches(filters, device, vendor(processor, device.gpu, kind), backend):
             sure = is_confirmed(own, chip)
             log = math.log(speedup)
-            yield TableCell(device, backend, processor, configuration, baseline, log, sessions, sure)
+            on = Measured(device, backend, processor)
+            yield TableCell(on, configuration, baseline, log, sessions, sure)
 
 
 def _period_cells(
@@ -161,17 +166,18 @@ def _period_cells(
             configuration, baseline = names[key.configuration], names[key.baseline]
             sure = is_confirmed(figure.witnesses)
             log = math.log(figure.model.speedup.value)
-            yield TableCell(device, backend, processor, configuration, baseline, log, sessions, sure)
+            on = Measured(device, backend, processor)
+            yield TableCell(on, configuration, baseline, log, sessions, sure)
 
 
 def _choose_rows(cells: Iterable[TableCell], least: int) -> dict[str, _Row]:
     """One row per device with at least `least` configurations, by slug, in order of slugs."""
     rows: dict[tuple[str, str, str], _Row] = {}
-    for device, backend, processor, configuration, baseline, log, sessions, _ in cells:
-        key = (device.slug, backend, processor)
+    for on, configuration, baseline, log, sessions, _ in cells:
+        key = (on.device.slug, on.backend, on.processor)
         row = rows.get(key)
         if row is None:
-            row = rows[key] = _Row(device, backend, processor, {baseline: 0.0})
+            row = rows[key] = _Row(on, {baseline: 0.0})
         row.logs[configuration] = log
         row.sessions = max(row.sessions, sessions)
     chosen: dict[str, _Row] = {}
