@@ -3,16 +3,11 @@
 from collections.abc import Iterable
 
 from crowd.predictions.models import Recommendation
+from crowd.results.figures.cohorts import cohort_key
 from crowd.results.models import Cohort
 
 
 def forget_erased(cohorts: Iterable[Cohort], **_: object) -> None:
     """Delete the recommendations for `cohorts`: they may depend on erased measurements."""
     for cohort in cohorts:
-        Recommendation.objects.filter(
-            device=cohort.device_id,
-            front=cohort.front_id,
-            backend=cohort.backend,
-            processor=cohort.processor,
-            processor_class=cohort.processor_class,
-        ).delete()
+        Recommendation.objects.filter(**cohort_key(cohort)._asdict()).delete()

@@ -60,13 +60,11 @@ def rebuild(groups: Iterable[Group] | None = None) -> list[DeviceMap]:
 
 
 def _rebuild_group(group: Group) -> DeviceMap:
-    front = fronts.front_in_any_state(group.front)
+    front = fronts.front_in_any_state(group.front_id)
     table = tables.read_table(front, group)
     ladder = climb(table.known, [BEST])
     row, _ = DeviceMap.objects.update_or_create(
-        front_id=group.front,
-        backend=group.backend,
-        processor_class=group.processor_class,
+        **group._asdict(),
         defaults={
             "rung": ladder.rung,
             "scale": ladder.scale,
@@ -121,11 +119,7 @@ def _reference_belief(slug: str, digest: str) -> Belief:  # noqa: ARG001 - the d
 
 def find_map(group: Group) -> DeviceMap | None:
     """The stored map of `group`; None before its first rebuild. One query."""
-    return DeviceMap.objects.filter(
-        front=group.front,
-        backend=group.backend,
-        processor_class=group.processor_class,
-    ).first()
+    return DeviceMap.objects.filter(**group._asdict()).first()
 
 
 def _pack_belief(belief: Belief) -> bytes:

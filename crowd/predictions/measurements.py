@@ -47,7 +47,7 @@ LIMITED = 0.843
 class Group(NamedTuple):
     """The devices that are in one table."""
 
-    front: int
+    front_id: int
     backend: str
     processor_class: str
 

@@ -82,11 +82,9 @@ def store_recommendations(front: Front, group: Group, table: CrowdTable, learned
 
     Returns for how many devices it is not the published best.
     """
-    rows = Recommendation.objects.filter(
-        front=group.front, backend=group.backend, processor_class=group.processor_class
-    )
+    rows = Recommendation.objects.filter(**group._asdict())
     noted = set(rows.order_by().values_list("device", "processor", "configuration__name"))
-    names = dict(Configuration.objects.filter(front=group.front).values_list("name", "pk"))
+    names = dict(Configuration.objects.filter(front=group.front_id).values_list("name", "pk"))
     others = 0
     made = []
     for row in table.rows.itertuples():
@@ -100,11 +98,9 @@ def store_recommendations(front: Front, group: Group, table: CrowdTable, learned
             continue
         made.append(
             Recommendation(
+                **group._asdict(),
                 device_id=row.device,
-                front_id=group.front,
-                backend=group.backend,
                 processor=row.processor,
-                processor_class=group.processor_class,
                 configuration_id=names[point.configuration],
                 rung=learned.rung,
                 log_ratio=math.log(point.ratio),

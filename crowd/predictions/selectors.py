@@ -315,7 +315,7 @@ def _largest_group(front: Front, question: DeviceQuery) -> Group:
     """The group of `front` with the most devices. Without any: that of OpenCL on graphics chips."""
     key = fronts.key_of(front.slug)
     groups = [
-        one for one in measurements.groups() if one.front == key and question.backend in ("", one.backend)
+        one for one in measurements.groups() if one.front_id == key and question.backend in ("", one.backend)
     ]
     sizes = {one: device_map.devices if (device_map := maps.find_map(one)) else 0 for one in groups}
     if not sizes:

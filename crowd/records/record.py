@@ -87,10 +87,16 @@ def fill(struct: type[Answer], row: Any, **own: Any) -> Answer:
 
 
 @cache
-def columns_of(model: Any, record: type[msgspec.Struct]) -> tuple[str, ...]:
-    """The plain columns of the Django `model` that have the name of a field of `record`, and its value."""
-    names = {field.name for field in model._meta.concrete_fields if not field.is_relation}
-    return tuple(name for name in record.__struct_fields__ if name in names)
+def columns_of(model: Any, struct: type[msgspec.Struct]) -> tuple[str, ...]:
+    """The plain columns of the Django `model` that have the name of a field of `struct`, and its value."""
+    fields = model._meta.concrete_fields
+    names = {field.name for field in fields if not field.is_relation and not field.primary_key}
+    return tuple(name for name in struct.__struct_fields__ if name in names)
+
+
+def values_of(row: object, columns: tuple[str, ...], **own: Any) -> dict[str, Any]:
+    """The values of `row` for `columns`, and those that differ from it or that it lacks."""
+    return {name: getattr(row, name) for name in columns} | own
 
 
 def _members(record: type[msgspec.Struct], door: Door) -> Iterator[Member]:

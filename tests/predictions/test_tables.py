@@ -14,7 +14,7 @@ from tests.builders.measured import ADRENO
 
 def read(**changes: Any) -> tables.CrowdTable:
     [group] = measurements.groups()
-    return tables.read_table(fronts.front_in_any_state(group.front), group, **changes)
+    return tables.read_table(fronts.front_in_any_state(group.front_id), group, **changes)
 
 
 def test_a_row_has_the_figures_and_the_stages_of_its_session(measured: Any) -> None:

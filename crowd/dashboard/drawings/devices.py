@@ -118,19 +118,10 @@ def _measured(request: HttpRequest, slug: str) -> MeasuredDevice:
 
 def configurations_table(shown: Configurations) -> Table:
     """A row per configuration, fastest first."""
-    return Table(
-        (
-            "configuration", "front", "backend", "processor", "processor_class", "speedup", "low", "high",
-            "session_low", "session_high", "sessions", "installations", "ate_max_m", "state", "suspect",
-        ),
-        [
-            (
-                row.configuration, row.front, row.backend, row.processor, row.processor_class, row.speedup,
-                row.low, row.high, row.session_low, row.session_high, row.sessions, row.installations,
-                row.ate_max, row.state, row.suspect,
-            )
-            for row in shown.ranking.rows
-        ],
+    return Table.of(
+        shown.ranking.rows, "configuration", "front", "backend", "processor", "processor_class", "speedup",
+        "low", "high", "session_low", "session_high", "sessions", "installations", "ate_max_m=ate_max",
+        "state", "suspect",
     )  # fmt: skip
 
 
@@ -154,27 +145,15 @@ def place_table(rank: Rank) -> Table:
 
 def history_table(past: DeviceHistory) -> Table:
     """A row per driver and system version, in order of first appearance."""
-    return Table(
-        (
-            "driver", "os_version", "speedup", "low", "high", "sessions", "installations", "first_at",
-            "last_at",
-        ),
-        [
-            (
-                row.driver, row.os_version, row.speedup, row.low, row.high, row.sessions, row.installations,
-                row.first_at.isoformat(), row.last_at.isoformat(),
-            )
-            for row in past.history.releases
-        ],
+    return Table.of(
+        past.history.releases, "driver", "os_version", "speedup", "low", "high", "sessions", "installations",
+        "first_at", "last_at",
     )  # fmt: skip
 
 
 def drift_table(session: SessionDetail) -> Table:
     """A row per run, in order."""
-    return Table(
-        ("place", "configuration", "repeat", "time_over_first_run"),
-        [(step.place, step.configuration, step.repeat, step.ratio) for step in drift.steps(session)],
-    )
+    return Table.of(drift.steps(session), "place", "configuration", "repeat", "time_over_first_run=ratio")
 
 
 def sensors_table(session: SessionDetail) -> Table:

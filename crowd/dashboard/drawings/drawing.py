@@ -6,9 +6,11 @@ A Drawing has five addresses with the same path and query: the figure for the sc
 `serving` answers them; the template tag `chart` links to them.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Generic, TypeVar
+from datetime import datetime
+from operator import attrgetter
+from typing import Any, Generic, TypeVar
 
 from plotly import graph_objects as go
 
@@ -32,6 +34,17 @@ class Table:
 
     columns: tuple[str, ...]
     rows: Sequence[Sequence[Cell]]
+
+    @classmethod
+    def of(cls, rows: Iterable[object], *columns: str) -> "Table":
+        """A row for each of `rows`, of its attributes: `speedup`, or `column=attribute.of.attribute`."""
+        named = [column.partition("=") for column in columns]
+        cells_of = attrgetter(*(path or name for name, _, path in named))
+        return cls(tuple(name for name, *_ in named), [tuple(map(_cell, cells_of(row))) for row in rows])
+
+
+def _cell(value: Any) -> Cell:
+    return value.isoformat() if isinstance(value, datetime) else value
 
 
 def _identity(rows: Rows) -> Rows:

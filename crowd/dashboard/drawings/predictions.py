@@ -49,7 +49,7 @@ def points_table(shown: Advice) -> Table:
         ),
         [
             (
-                point.configuration, "measured" if point.measured else "predicted", point.probe,
+                point.configuration, point.state, point.probe,
                 point.configuration == chosen, point.ratio, point.low, point.high, point.ate_max,
                 shown.seconds(point),
             )

@@ -31,22 +31,14 @@ MEANINGS = (
     "figure. state: confirmed once independent installations agree."
 )
 COLUMNS = (
-    "device", "maker", "model", "soc", "gpu", "os", "backend", "processor", "processor_class", "front",
-    "configuration", "baseline", "speedup", "low", "high", "session_low", "session_high", "sessions",
-    "installations", "ate_max_m", "state", "suspect", "last_session_at",
+    "device=device.slug", "maker=device.manufacturer", "model=device.name", "soc=device.soc",
+    "gpu=device.gpu", "os=device.os", "backend", "processor", "processor_class", "front", "configuration",
+    "baseline", "speedup", "low", "high", "session_low", "session_high", "sessions", "installations",
+    "ate_max_m=ate_max", "state", "suspect", "last_session_at",
 )  # fmt: skip
 PAPER = (
-    "maker",
-    "model",
-    "processor",
-    "backend",
-    "speedup",
-    "low",
-    "high",
-    "sessions",
-    "installations",
-    "state",
-)
+    "maker", "model", "processor", "backend", "speedup", "low", "high", "sessions", "installations", "state",
+)  # fmt: skip
 
 
 # A picture takes up to 150 kB.
@@ -120,17 +112,7 @@ def colour_of(request: HttpRequest) -> str:
 
 def table(bars: Bars) -> Table:
     """A row per figure, also of a model's other chips and backends: counted ones first, then by speedup."""
-    return Table(COLUMNS, [_cells(row) for row in confirmed_first(bars.crowd.rows)])
-
-
-def _cells(row: Speedup) -> tuple[str | float | int | None, ...]:
-    device = row.device
-    return (
-        device.slug, device.manufacturer, device.name, device.soc, device.gpu, device.os, row.backend,
-        row.processor, row.processor_class, row.front, row.configuration, row.baseline, row.speedup, row.low,
-        row.high, row.session_low, row.session_high, row.sessions, row.installations, row.ate_max, row.state,
-        row.suspect, row.last_session_at.isoformat(),
-    )  # fmt: skip
+    return Table.of(confirmed_first(bars.crowd.rows), *COLUMNS)
 
 
 def _title(bars: Bars) -> str:

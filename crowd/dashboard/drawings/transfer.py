@@ -72,18 +72,10 @@ def map_table(shown: Map) -> Table:
 
 def winners_table(found: Winners) -> Table:
     """A row per device."""
-    return Table(
-        (
-            "device", "backend", "processor", "configurations", "fastest", "fastest_speedup",
-            "reference_speedup", "reference_rank", "reference_time_over_fastest", "sessions",
-        ),
-        [
-            (
-                row.device.slug, row.backend, row.processor, row.configurations, row.winner, row.speedup,
-                row.reference_speedup, row.reference_rank, row.regret, row.sessions,
-            )
-            for row in ordered(found.rows)
-        ],
+    return Table.of(
+        ordered(found.rows), "device=device.slug", "backend", "processor", "configurations", "fastest=winner",
+        "fastest_speedup=speedup", "reference_speedup", "reference_rank",
+        "reference_time_over_fastest=regret", "sessions",
     )  # fmt: skip
 
 

@@ -13,10 +13,9 @@ from django.utils.safestring import SafeString, mark_safe
 
 from crowd.dashboard import formats
 from crowd.dashboard.figures.elements.decimation import decimate, decimation_note
-from crowd.dashboard.figures.elements.layout import clipped, interval_words, state_words
+from crowd.dashboard.figures.elements.layout import clipped, count_words, interval_words, state_words
 from crowd.dashboard.figures.elements.names import short_names
-from crowd.dashboard.figures.speedups import SOC, UNNAMED, bar_names, frequent_socs, round_ticks
-from crowd.devices.naming.chips import OTHER, VENDORS
+from crowd.dashboard.figures.speedups import GREYS, SOC, bar_groups, bar_names, in_order, round_ticks
 from crowd.records.speedup import Speedup
 
 FLAT = 12  # most bars that lie flat, with the whole name above each
@@ -63,9 +62,10 @@ def bar_picture(rows: Sequence[Speedup], mean: float | None, by: str) -> BarPict
     A line at no gain; across upright bars one at `mean`. Unconfirmed bars are hollow and suspect ones
     striped. They do not change the scale. `by`: what colours mean, VENDOR or SOC.
     """
-    ranked = sorted(rows, key=lambda row: (not row.counts, -row.speedup, row.device.slug, row.processor))
+    ranked = in_order(rows)
     drawn = decimate(ranked, lambda _: False, MOST_BARS)
-    groups, classes = _groups(drawn, by)
+    groups, shown = bar_groups(drawn, by)
+    classes = {name: _class(name, number, by) for number, name in enumerate(shown, 1)}
     shorts = short_names([row.device for row in drawn], NAME_LENGTH)
     bars = [
         _Bar(row, name, short, classes[group])
@@ -81,17 +81,11 @@ def bar_picture(rows: Sequence[Speedup], mean: float | None, by: str) -> BarPict
     )
 
 
-def _groups(rows: Sequence[Speedup], by: str) -> tuple[list[str], dict[str, str]]:
-    """The group of each row, and the class of each group."""
-    if by != SOC:
-        present = {row.vendor for row in rows}
-        return [row.vendor for row in rows], {
-            name: f"family-{name.lower()}" for name in VENDORS if name in present
-        }
-    groups = frequent_socs(rows)
-    greys = {OTHER: "family-other", UNNAMED: "family-cpu"}
-    classes = {name: f"series-{number}" for number, name in enumerate(sorted({*groups} - {*greys}), 1)}
-    return groups, classes | {name: grey for name, grey in greys.items() if name in groups}
+def _class(group: str, number: int, by: str) -> str:
+    """The class of a `group`, the `number`-th (from 1)."""
+    if by == SOC and group not in GREYS:
+        return f"series-{number}"
+    return f"family-{GREYS.get(group, group).lower()}"
 
 
 def _flat(bars: Sequence[_Bar], top: float) -> Iterator[str]:
@@ -199,13 +193,14 @@ def _opening(kind: str, height: float) -> str:
 def _link(bar: _Bar) -> Iterator[str]:
     """The opening of a link to the device, with what a pointer that rests on the bar shows."""
     row = bar.row
-    sessions = (
-        f"{formats.plural(row.sessions, 'session')}, {formats.plural(row.installations, 'installation')}"
-    )
-    value = formats.speedup(row.speedup, row.range)
-    lines = [bar.name, value, *interval_words(row), sessions, *state_words(row)]
+    figures = [
+        formats.speedup(row.speedup, row.range),
+        *interval_words(row),
+        count_words(row),
+        *state_words(row),
+    ]
     yield f'<a href="{reverse("dashboard:device", args=[row.device.slug])}" tabindex="-1">'
-    words = "\n".join(lines)
+    words = "\n".join([bar.name, *figures])
     yield f"<title>{escape(words)}</title>"
 
 

@@ -177,8 +177,7 @@ def release_marks(releases: Sequence[Release], theme: Theme) -> go.Figure:
             layout.lines(
                 [
                     f"<b>{formats.speedup(row.speedup)}</b>",
-                    f"{formats.plural(row.sessions, 'session')}, "
-                    f"{formats.plural(row.installations, 'installation')}",
+                    layout.count_words(row),
                     f"{formats.day(row.first_at)} to {formats.day(row.last_at)}",
                 ]
             )
@@ -340,8 +339,5 @@ def _add_intervals(figure: go.Figure, rows: Sequence[tuple[int, Speedup | Releas
 def _detail(row: Speedup) -> str:
     value = formats.speedup(row.speedup, row.range)
     parts = [f"<b>{layout.text(row.configuration)}</b>", f"{value} over the default"]
-    parts += layout.interval_words(row)
-    parts.append(
-        f"{formats.plural(row.sessions, 'session')}, {formats.plural(row.installations, 'installation')}"
-    )
-    return layout.lines(parts + layout.state_words(row))
+    parts += [*layout.interval_words(row), layout.count_words(row), *layout.state_words(row)]
+    return layout.lines(parts)

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from crowd.dashboard.figures.elements import layout, marks
 from crowd.dashboard.figures.elements.decimation import decimate, decimation_note
 from crowd.dashboard.figures.elements.names import short_names
 from crowd.dashboard.figures.palette import Theme
-from crowd.devices.naming.chips import OTHER
+from crowd.devices.naming.chips import OTHER, VENDORS
 from crowd.records.speedup import Speedup
 from crowd.results.reading.backends import BACKENDS
 
@@ -28,6 +28,8 @@ LEGEND_ENTRY = 66
 VENDOR, SOC = "vendor", "soc"
 # Devices without the name of a system on a chip, in a grey like all others.
 UNNAMED = "PC or unknown"
+# Groups of systems on a chip that have the grey of a maker.
+GREYS = {OTHER: OTHER, UNNAMED: "CPU"}
 SOCS = 5  # with colours of their own
 # Longest names above vertical bars, which fit into a column of a paper.
 LABEL_LENGTH = 30
@@ -52,19 +54,14 @@ def speedup_bars(
     the smallest and the `mean` are named. Of more than decimation.MOST_DRAWN bars every n-th is drawn, and
     the figure says so.
     """
-    by_gain = sorted(rows, key=lambda row: (not row.counts, -row.speedup, row.device.slug, row.processor))
+    by_gain = in_order(rows)
     # Only every n-th, so that the outline of the bars stays the same.
     ranked = decimate(by_gain, lambda _: False)
     figure = layout.blank(theme, bars_height(len(ranked)))
     flat = len(ranked) <= NAMED_BARS
     names = bar_names(ranked)
-    vendors = [row.vendor for row in ranked]
-    if by == SOC:
-        groups = frequent_socs(ranked)
-        colours = _soc_colours(groups, theme)
-    else:
-        groups = vendors
-        colours = {name: colour for name, colour in theme.families.items() if name in groups}
+    groups, shown = bar_groups(ranked, by)
+    colours = _soc_colours(shown, theme) if by == SOC else {name: theme.families[name] for name in shown}
     for name, colour in colours.items():
         ranks = [rank for rank, other in enumerate(groups) if other == name]
         members = [ranked[rank] for rank in ranks]
@@ -80,10 +77,7 @@ def speedup_bars(
             ),
             # Plotly copies and checks lists of lists item by item.
             customdata=np.array(
-                [
-                    [_detail(names[rank], vendors[rank], ranked[rank]), _address(ranked[rank])]
-                    for rank in ranks
-                ],
+                [[_detail(names[rank], ranked[rank]), _address(ranked[rank])] for rank in ranks],
                 dtype=object,
             ),
             hovertemplate="%{customdata[0]}<extra></extra>",
@@ -245,7 +239,21 @@ def _address(row: Speedup) -> str:
     return reverse("dashboard:device", args=[row.device.slug])
 
 
-def frequent_socs(rows: Sequence[Speedup]) -> list[str]:
+def in_order(rows: Iterable[Speedup]) -> list[Speedup]:
+    """`rows` in the order of the bars: those that count first, the largest gain first."""
+    return sorted(rows, key=lambda row: (not row.counts, -row.speedup, row.device.slug, row.processor))
+
+
+def bar_groups(rows: Sequence[Speedup], by: str) -> tuple[list[str], list[str]]:
+    """The group of each of `rows`, and all groups in the order of the legend, greys last."""
+    if by != SOC:
+        present = {row.vendor for row in rows}
+        return [row.vendor for row in rows], [name for name in VENDORS if name in present]
+    groups = _frequent_socs(rows)
+    return groups, [*sorted({*groups} - {*GREYS}), *(name for name in GREYS if name in groups)]
+
+
+def _frequent_socs(rows: Sequence[Speedup]) -> list[str]:
     """The system on a chip of each of `rows`: OTHER for all but the SOCS frequent ones, or UNNAMED."""
     counts = Counter(row.device.soc for row in rows if row.device.soc)
     kept = {soc for soc, _ in sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:SOCS]}
@@ -255,14 +263,11 @@ def frequent_socs(rows: Sequence[Speedup]) -> list[str]:
 
 
 def _soc_colours(groups: Sequence[str], theme: Theme) -> dict[str, str]:
-    """A colour per group in alphabetical order, greys last; a single group has the colour of `best`."""
-    greys = {OTHER: theme.families[OTHER], UNNAMED: theme.families["CPU"]}
-    distinct = [*sorted({*groups} - {*greys}), *(name for name in greys if name in groups)]
-    if len(distinct) == 1:
-        return {distinct[0]: theme.best}
-    return dict(zip(distinct, theme.series, strict=False)) | {
-        name: grey for name, grey in greys.items() if name in groups
-    }
+    """A colour for each of `groups`; a single one has the colour of `best`."""
+    if len(groups) == 1:
+        return {groups[0]: theme.best}
+    greys = {name: theme.families[family] for name, family in GREYS.items() if name in groups}
+    return dict(zip(groups, theme.series, strict=False)) | greys
 
 
 def _add_intervals(figure: go.Figure, ranked: Sequence[Speedup], flat: bool, theme: Theme) -> None:
@@ -309,13 +314,10 @@ def _add_whiskers(
     )
 
 
-def _detail(name: str, vendor: str, row: Speedup) -> str:
+def _detail(name: str, row: Speedup) -> str:
     parts = [f"<b>{layout.text(name)}</b>", f"{formats.speedup(row.speedup, row.range)} over its own default"]
-    parts += layout.interval_words(row)
-    parts.append(
-        f"{formats.plural(row.sessions, 'session')}, {formats.plural(row.installations, 'installation')}"
-    )
-    parts.append(f"{vendor}, {layout.text(_backend(row))}")
+    parts += [*layout.interval_words(row), layout.count_words(row)]
+    parts.append(f"{row.vendor}, {layout.text(_backend(row))}")
     if row.device.soc:
         parts.append(layout.text(row.device.soc))
     return layout.lines(parts + layout.state_words(row))

@@ -31,22 +31,21 @@ UPDATED_COLUMNS = [
 # Rules that depend on the other sessions of the cohort. Each time, all of these sessions are judged again.
 COHORT_RULES = (rules.OUTLIER.code, rules.IMPLAUSIBLE_SPEEDUP.code, rules.IMPOSSIBLE_SPEEDUP.code)
 
-# The columns that identify a cohort.
-KEY_COLUMNS = ("device_id", "front_id", "backend", "processor", "processor_class")
+# What counts once: a network (its key) or, if that is unknown, an installation (its key).
+Unit = UUID | str
 
 
 class CohortKey(NamedTuple):
-    """The values of a cohort for KEY_COLUMNS."""
+    """The columns that identify a cohort."""
 
-    device: int
-    front: int
+    device_id: int
+    front_id: int
     backend: str
     processor: str
     processor_class: str
 
 
-# What counts once: a network (its key) or, if that is unknown, an installation (its key).
-Unit = UUID | str
+KEY_COLUMNS = CohortKey._fields
 
 
 @dataclass(frozen=True)
@@ -116,9 +115,9 @@ class _Installation:
     last_session_at: datetime
 
 
-def cohort_key(cohort: Cohort) -> CohortKey:
-    """The values of `cohort` for KEY_COLUMNS."""
-    return CohortKey(*(getattr(cohort, name) for name in KEY_COLUMNS))
+def cohort_key(row: Cohort | DeviceSpeedup) -> CohortKey:
+    """The key of the cohort of `row`."""
+    return CohortKey(*(getattr(row, name) for name in KEY_COLUMNS))
 
 
 def lock_cohorts(cohorts: QuerySet[Cohort]) -> list[Cohort]:
@@ -343,7 +342,7 @@ def _store_figures(cohorts: Mapping[int, Cohort], new_figures: Mapping[FigureKey
     DeviceSpeedup.objects.bulk_create(
         [
             DeviceSpeedup(
-                **dict(zip(KEY_COLUMNS, groups[key.cohort], strict=True)),
+                **groups[key.cohort]._asdict(),
                 configuration_id=key.configuration,
                 baseline_id=key.baseline,
                 algorithm=version.ALGORITHM,

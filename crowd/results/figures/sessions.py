@@ -6,7 +6,7 @@ Everything here can run again at any time, also in several processes at once.
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from uuid import UUID
 
 from django.db import transaction
@@ -239,8 +239,8 @@ def _summaries(
 
     `groups`: the key of each session's cohort. At most eight queries.
     """
-    fronts = _fronts({row.group.front for row in sessions})
-    context = {row.key: SessionContext(row.installation, fronts[row.group.front]) for row in sessions}
+    fronts = _fronts({row.group.front_id for row in sessions})
+    context = {row.key: SessionContext(row.installation, fronts[row.group.front_id]) for row in sessions}
     runs = judge_runs(context, decisions)
     emulators = _emulators({row.description for row in sessions})
     inputs = [
@@ -251,7 +251,7 @@ def _summaries(
             started_at=row.started_at,
             # The daily limit uses the clock of the server: that of a client may be wrong.
             day=row.received_at.astimezone(UTC).date(),
-            front=fronts[row.group.front],
+            front=fronts[row.group.front_id],
             on_processor=row.group.processor_class == ProcessorClass.CPU,
             emulated=row.description in emulators,
             released=decisions.released(row.key),
@@ -289,7 +289,7 @@ def _emulators(descriptions: Collection[int]) -> set[int]:
 
 def _small_devices(groups: Iterable[Cohort], sessions: Iterable[SessionColumns]) -> set[int]:
     """Keys of the devices of `groups` and `sessions` whose figures are quick to compute."""
-    devices = {cohort.device_id for cohort in groups} | {session.group.device for session in sessions}
+    devices = {cohort.device_id for cohort in groups} | {session.group.device_id for session in sessions}
     large = DeviceActivity.objects.filter(device__in=devices, sessions__gt=LARGE_DEVICE_SESSIONS)
     return devices - set(large.values_list("device_id", flat=True))
 
@@ -297,15 +297,14 @@ def _small_devices(groups: Iterable[Cohort], sessions: Iterable[SessionColumns])
 def _lock_cohorts(sessions: Iterable[SessionColumns], left: set[int]) -> dict[CohortKey, Cohort]:
     """Lock the cohorts of `sessions`, created where missing, and those with the keys `left`."""
     groups = {session.group for session in sessions}
-    of_devices = Cohort.objects.filter(Q(pk__in=left) | Q(device__in={group.device for group in groups}))
+    of_devices = Cohort.objects.filter(Q(pk__in=left) | Q(device__in={group.device_id for group in groups}))
     locked = {
         cohorts.cohort_key(cohort): cohort
         for cohort in cohorts.lock_cohorts(of_devices)
         if cohort.pk in left or cohorts.cohort_key(cohort) in groups
     }
     for group in sorted(groups - locked.keys()):
-        key: dict[str, Any] = dict(zip(KEY_COLUMNS, group, strict=True))
-        made, _ = Cohort.objects.get_or_create(**key)
+        made, _ = Cohort.objects.get_or_create(**group._asdict())
         # Another writer may have created it just now.
         [locked[group]] = cohorts.lock_cohorts(Cohort.objects.filter(pk=made.pk))
     return locked

@@ -63,16 +63,13 @@ def decode_submission(body: bytes) -> Submission:
     if (count := len(envelope.sessions)) > MAX_SESSIONS:
         text = f"{count} sessions: send at most {MAX_SESSIONS}"
         raise Problem("invalid_field", text, field="sessions")
-    return Submission(
-        schema_version=envelope.schema_version,
-        app_version=envelope.app_version,
-        consent_version=envelope.consent_version,
-        device=decode_part(_DEVICE, envelope.device, "device"),
-        sessions=[
+    decoded = {
+        "device": decode_part(_DEVICE, envelope.device, "device"),
+        "sessions": [
             decode_part(_SESSION, raw, f"sessions[{index}]") for index, raw in enumerate(envelope.sessions)
         ],
-        show_model=envelope.show_model,
-    )
+    }
+    return Submission(**msgspec.structs.asdict(envelope) | decoded)
 
 
 def _envelope(body: bytes) -> _Envelope:

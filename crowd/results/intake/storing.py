@@ -16,14 +16,18 @@ from crowd.devices.services import bind_device, check_device, choose_disclosure,
 from crowd.fronts import intake_policy
 from crowd.fronts.intake_policy import Policy
 from crowd.http.problems import Problem
+from crowd.records.record import columns_of, values_of
 from crowd.results.intake import admission, packing, schema, unknown_members
 from crowd.results.intake.daily_limits import Sender, count_body, count_rows
 from crowd.results.intake.stages import STAGES
 from crowd.results.models import MeasurementSession, Run, RunFrames, State, Submission
 from slam.public_text import without_folders
+from wire import session as wire_session
 
 RETRY_SECONDS = 3600
 MAX_TRIES = 3  # while other requests store the same runs
+SESSION_COLUMNS = columns_of(MeasurementSession, wire_session.Session)
+RUN_COLUMNS = columns_of(Run, wire_session.Run)
 
 
 @dataclass(frozen=True)
@@ -216,28 +220,26 @@ def _session_row(
     session, extras = item.session, item.extras
     processor, processor_class = device.computed_by(session.backend)
     return MeasurementSession(
-        uuid=session.id,
-        installation_id=submission.installation_id,
-        submission_id=submission.pk,
-        description_id=device.description,
-        device_id=device.model,
-        front_id=checked.fronts[session.front_version].row.pk,
-        protocol_version=session.protocol_version,
-        backend=session.backend,
-        processor=processor,
-        processor_class=processor_class,
-        driver=device.driver,
-        # A device whose clock runs ahead must not stay the newest.
-        started_at=min(session.started_at, timezone.now()),
-        samples=[
-            msgspec.to_builtins(sample) | more
-            for sample, more in zip(session.samples, extras.samples, strict=True)
-        ],
-        empty_frame_us=session.empty_frame_us,
-        stage_clock=session.stage_clock,
-        threads=session.threads,
-        blocks_repeated=session.blocks_repeated,
-        extra=extras.members,
+        **values_of(
+            session,
+            SESSION_COLUMNS,
+            uuid=session.id,
+            installation_id=submission.installation_id,
+            submission_id=submission.pk,
+            description_id=device.description,
+            device_id=device.model,
+            front_id=checked.fronts[session.front_version].row.pk,
+            processor=processor,
+            processor_class=processor_class,
+            driver=device.driver,
+            # A device whose clock runs ahead must not stay the newest.
+            started_at=min(session.started_at, timezone.now()),
+            samples=[
+                msgspec.to_builtins(sample) | more
+                for sample, more in zip(session.samples, extras.samples, strict=True)
+            ],
+            extra=extras.members,
+        )
     )
 
 
@@ -249,21 +251,16 @@ def run_row(item: admission.Item, front: admission.Front) -> Run:
     tracked = run.tracked if isinstance(run.tracked, list) else []
     number_tracked = run.tracked if isinstance(run.tracked, int) else None
     return Run(
-        uuid=run.id,
-        configuration_id=front.configurations[run.configuration].pk,
-        repeat=run.repeat,
-        order=run.order,
-        status=run.status,
-        failure=without_folders(run.failure or ""),
-        tracked_frames=tracked.count(True) if tracked else number_tracked,
-        ate_max=run.ate_max,
-        ate_mean=run.ate_mean,
-        ate_rmse=run.ate_rmse,
-        deviation=run.deviation,
-        cpu_us=run.cpu_us,
-        waited_us=run.waited_us,
-        extra=item.extra | ({"stages_us": unknown_stages} if unknown_stages else {}),
-        state=State.PENDING,
+        **values_of(
+            run,
+            RUN_COLUMNS,
+            uuid=run.id,
+            configuration_id=front.configurations[run.configuration].pk,
+            failure=without_folders(run.failure or ""),
+            tracked_frames=tracked.count(True) if tracked else number_tracked,
+            extra=item.extra | ({"stages_us": unknown_stages} if unknown_stages else {}),
+            state=State.PENDING,
+        )
     )
 
 

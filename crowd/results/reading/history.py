@@ -12,6 +12,7 @@ from django.db.models.fields.json import KT
 from crowd.devices.disclosure import find, is_disclosed
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.results.figures import statistics
+from crowd.results.figures.cohorts import cohort_key
 from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
 from crowd.results.public_rows import round_to_hour
 from crowd.results.reading.public_texts import public_os_version
@@ -39,13 +40,7 @@ def history(slug: str, configuration: str = BEST, application: str | None = None
     )
     if figure is None:
         return None
-    cohorts = Cohort.objects.filter(
-        device=figure.device_id,
-        front=figure.front_id,
-        backend=figure.backend,
-        processor=figure.processor,
-        processor_class=figure.processor_class,
-    )
+    cohorts = Cohort.objects.filter(**cohort_key(figure)._asdict())
     rows = list(
         SessionSummary.objects.filter(
             cohort__in=cohorts, configuration=figure.configuration_id, state=State.VALID, counted=True

@@ -25,7 +25,7 @@ from wire.meaning import means
 class CohortOutcome:
     """Failures of a configuration in one cohort: one device model, backend and chip.
 
-    `vendor`: the family of the chip that computed, one of crowd.devices.naming.vendors.VENDORS.
+    `vendor`: the family of the chip that computed, one of crowd.devices.naming.chips.VENDORS.
     """
 
     device: Device

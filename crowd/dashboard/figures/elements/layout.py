@@ -12,6 +12,7 @@ from plotly import graph_objects as go
 from crowd.dashboard import formats
 from crowd.dashboard.figures.palette import Theme
 from crowd.records.speedup import Speedup
+from crowd.results.reading.rows import Release
 from wire.front import BEST, DEFAULT
 
 FONT = "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'Liberation Sans', sans-serif"
@@ -78,6 +79,11 @@ def interval_words(row: Speedup) -> list[str]:
     if row.session_low is not None:
         return [f"95 % interval of one session {formats.interval(row.session_low, row.session_high)}"]
     return []
+
+
+def count_words(row: Speedup | Release) -> str:
+    """The sessions and installations behind `row`."""
+    return f"{formats.plural(row.sessions, 'session')}, {formats.plural(row.installations, 'installation')}"
 
 
 def name_bars(figure: go.Figure, bars: Iterable[tuple[str, str]], theme: Theme) -> None:
