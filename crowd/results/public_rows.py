@@ -37,6 +37,11 @@ def read_devices(keys: Iterable[int]) -> dict[int, Device]:
     return {model.pk: public_device(model) for model in models if model.pk in wanted}
 
 
+def all_devices() -> dict[int, Device]:
+    """All models as the public sees them, by key. One query."""
+    return {model.pk: public_device(model) for model in DeviceModel.objects.only(*COLUMNS)}
+
+
 def devices_of(rows: Iterable[Mapping[str, Any]]) -> dict[int, Device]:
     """The models of `rows`, which have DEVICE_COLUMNS, as the public sees them."""
     distinct = {row["device__pk"]: row for row in rows}

@@ -17,7 +17,7 @@ from crowd.explorations import services
 from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
-from crowd.fronts.publishing.services import publish_file
+from crowd.fronts.publishing.services import publish_content
 from tests.builders.explorations import SPACE, measured_on, measurement, run_to_the_end
 
 KFUSION = "pareto/spaces/kfusion.json"
@@ -78,7 +78,7 @@ def test_explore_writes_a_front_that_can_be_published(
     assert document["protocol"]["version"] == 2
     assert all(point["band"] and point["trajectory"] for point in document["configurations"])
     assert len(capsys.readouterr().out.splitlines()) == Evaluation.objects.count() + 1
-    front, new = publish_file(tmp_path / "kfusion-7.json")
+    front, new = publish_content(json.loads((tmp_path / "kfusion-7.json").read_text()))
     assert (front.slug, new) == ("kfusion-7", True)
 
 

@@ -198,15 +198,6 @@ def publish_content(document: dict[str, Any], by: str = COMMAND_LINE) -> tuple[F
     return publish(submit(create_draft(document, by), by), by), True
 
 
-def publish_file(path: Path, by: str = COMMAND_LINE) -> tuple[FrontVersion, bool]:
-    """Publish the front in the JSON file `path`. Raises the errors of `publish_content`."""
-    document = front_file.read(path)
-    try:
-        return publish_content(document, by)
-    except REFUSALS as error:
-        raise type(error)(f"{path}: {error}") from error
-
-
 def import_file(path: Path, by: str = COMMAND_LINE) -> FrontVersion:
     """Create a draft from the JSON file `path`. Raises the errors of `create_draft`."""
     document = front_file.read(path)

@@ -18,9 +18,9 @@ from crowd.results.models import MeasurementSession
 BATCH = 500
 
 
-def changed_models(limit: int = BATCH) -> list[int]:
-    """The keys of at most `limit` models that are marked as changed."""
-    return list(DeviceModel.objects.filter(changed=True).order_by("pk").values_list("pk", flat=True)[:limit])
+def changed_models() -> list[int]:
+    """The keys of at most BATCH models that are marked as changed."""
+    return list(DeviceModel.objects.filter(changed=True).order_by("pk").values_list("pk", flat=True)[:BATCH])
 
 
 def reassign_sessions(keys: Iterable[int]) -> set[int]:

@@ -171,9 +171,9 @@ def summarise_session(key: int) -> None:
     summarise_sessions([key])
 
 
-def refresh_stale(limit: int | None = None) -> int:
-    """Compute the figures of at most `limit` stale cohorts; returns how many."""
-    keys = list(Cohort.objects.filter(stale=True).order_by("pk").values_list("pk", flat=True)[:limit])
+def refresh_stale() -> int:
+    """Compute the figures of all stale cohorts; returns how many."""
+    keys = list(Cohort.objects.filter(stale=True).order_by("pk").values_list("pk", flat=True))
     plausible = PlausibilityBounds()
     for begin in range(0, len(keys), COHORT_BATCH):
         with transaction.atomic():

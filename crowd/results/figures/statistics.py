@@ -48,14 +48,9 @@ def ratio(log_ratio: float) -> float:
     return math.exp(log_ratio)
 
 
-def geometric_mean(ratios: Sequence[float], weights: Sequence[float] | None = None) -> float:
-    """The geometric mean of one or more `ratios`, with `weights`.
-
-    Ratios are never averaged arithmetically.
-    """
-    shares = [1.0] * len(ratios) if weights is None else weights
-    logs = (share * math.log(each) for share, each in zip(shares, ratios, strict=True))
-    return math.exp(math.fsum(logs) / math.fsum(shares))
+def geometric_mean(ratios: Sequence[float]) -> float:
+    """The geometric mean of one or more `ratios`, which are never averaged arithmetically."""
+    return math.exp(math.fsum(map(math.log, ratios)) / len(ratios))
 
 
 def geometric_median(ratios: Sequence[float], weights: Sequence[float] | None = None) -> float:

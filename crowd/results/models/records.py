@@ -27,14 +27,6 @@ class RowCount(models.Model):
         return f"{self.table}: {self.rows} at {self.at:%Y-%m-%d %H:%M:%S}"
 
 
-class TombstoneQuerySet(models.QuerySet["Tombstone"]):
-    """Records of what was erased."""
-
-    def single_runs(self) -> "TombstoneQuerySet":
-        """Runs that participants deleted individually, perhaps after they saw the result."""
-        return self.filter(single=True)
-
-
 class Tombstone(models.Model):
     """A record of an erasure: kind and time, and nothing about the participant.
 
@@ -58,8 +50,6 @@ class Tombstone(models.Model):
         default=False, help_text="a run that its participant deleted by itself, and not with everything"
     )
     erased_at = models.DateTimeField(db_index=True)
-
-    objects = TombstoneQuerySet.as_manager()
 
     class Meta:
         ordering = ["erased_at", "id"]

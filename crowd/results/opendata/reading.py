@@ -15,11 +15,9 @@ import msgspec
 from django.db.models import Count, Exists, F, Model, OuterRef, Q, QuerySet, TextField, Value
 from django.db.models.functions import Cast, Length
 
-from crowd.devices.disclosure import COLUMNS, public_device
 from crowd.devices.models import DeviceModel
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.records.configuration import PublishedConfiguration
-from crowd.records.device import Device
 from crowd.records.measured_device import DeviceRow
 from crowd.records.record import Record, columns_of, members
 from crowd.records.run import RunRow
@@ -31,7 +29,7 @@ from crowd.results.intake import packing
 from crowd.results.intake.stages import STAGES
 from crowd.results.models import Cohort, DeviceSpeedup, MeasurementSession, Run, SessionSummary, Tombstone
 from crowd.results.opendata.pseudonyms import Pseudonyms, RandomPseudonyms
-from crowd.results.public_rows import figure_row
+from crowd.results.public_rows import all_devices, figure_row, round_to_hour
 
 BLOCK_ROWS = 5_000
 # The most bytes of packed series, or of samples as text, in a block. A larger row is its own block.
@@ -93,7 +91,7 @@ def sessions(scope: Scope) -> Iterator[Block]:
     rows = MeasurementSession.objects.filter(_in_scope(scope, "pk"))
     as_text = Cast("samples", TextField())
     rows = rows.annotate(samples_text=as_text)
-    devices = _public_devices()
+    devices = all_devices()
     shared = _shared_networks([key for key, device in devices.items() if device.masked])
     plain = [name for name in columns_of(MeasurementSession, SessionFile) if name != "samples"]
     for block in _blocks(
@@ -144,7 +142,7 @@ def summaries(scope: Scope) -> Iterator[Block]:
 
 def figures(scope: Scope) -> Iterator[Block]:
     """The speedups of real devices, computed from the sessions in `scope` as those of the pages are."""
-    devices, names = _public_devices(), _configurations()
+    devices, names = all_devices(), _configurations()
     for block in _blocks(Cohort.objects.filter(_measured_in_scope(scope, "device_id"))):
         cohorts = Cohort.objects.in_bulk(block["pk"])
         in_scope = SessionSummary.objects.filter(cohort__in=block["pk"], session__lte=scope.last_session)
@@ -174,7 +172,7 @@ def devices(scope: Scope) -> Iterator[Block]:
         session_count=Count("sessions", filter=counted),
         installation_count=Count("sessions__installation", filter=counted, distinct=True),
     )
-    public = _public_devices()
+    public = all_devices()
     for block in _blocks(rows, "session_count", "installation_count"):
         counts = zip(block["pk"], block["session_count"], block["installation_count"], strict=True)
         yield _block_of(
@@ -329,11 +327,6 @@ def _shared_networks(devices: Sequence[int]) -> set[tuple[int, int, str]]:
     return {(device, front, network) for device, front, network, count in counted if count > 1}
 
 
-def _public_devices() -> dict[int, Device]:
-    """All device models as the public sees them, by key."""
-    return {model.pk: public_device(model) for model in DeviceModel.objects.only(*COLUMNS)}
-
-
 def _configurations() -> dict[int, tuple[str, str]]:
     """The front and name of each configuration by key."""
     rows = Configuration.objects.values_list("pk", "front__slug", "name")
@@ -354,4 +347,4 @@ def _texts(values: list[Any]) -> list[str]:
 
 def _round_to_hours(moments: list[datetime | None]) -> list[datetime | None]:
     """Round down to the hour, so that a row cannot be matched with a person's day."""
-    return [moment and moment.replace(minute=0, second=0, microsecond=0) for moment in moments]
+    return [moment and round_to_hour(moment) for moment in moments]

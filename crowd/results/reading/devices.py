@@ -7,15 +7,14 @@ from django.db.models import CharField, Exists, OuterRef, QuerySet
 
 from crowd.database.prepared import CompiledQuery, Placeholder
 from crowd.devices import revision
-from crowd.devices.disclosure import COLUMNS, find, public_device
-from crowd.devices.models import DeviceModel
+from crowd.devices.disclosure import find, public_device
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.records.device import Device
 from crowd.records.measured_device import DeviceRow
 from crowd.records.session import SessionRow
 from crowd.records.speedup import Speedup
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession, State
-from crowd.results.public_rows import DEVICE_COLUMNS, devices_of, round_to_hour, speedup_rows
+from crowd.results.public_rows import DEVICE_COLUMNS, all_devices, devices_of, round_to_hour, speedup_rows
 from crowd.results.reading.backends import leading_figures
 from crowd.results.reading.queries.filters import SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail
@@ -60,11 +59,7 @@ def public_devices() -> dict[int, Device]:
 
     A model without a summarised session may be missing.
     """
-    return _devices_cache.get(revision.current, None, _devices)
-
-
-def _devices() -> dict[int, Device]:
-    return {model.pk: public_device(model) for model in DeviceModel.objects.only(*COLUMNS)}
+    return _devices_cache.get(revision.current, None, all_devices)
 
 
 def devices_without_figure(application: str, front: str | None) -> tuple[DeviceRow, ...]:

@@ -20,8 +20,8 @@ from crowd.results.reading.rows import History, Release
 from wire.front import BEST
 
 
-def history(slug: str, configuration: str = BEST, application: str | None = None) -> History | None:
-    """The speedups of `configuration` on the device `slug` by driver and version of the operating system.
+def history(slug: str, application: str | None = None) -> History | None:
+    """The speedups of `best` on the device `slug` by driver and version of the operating system.
 
     From the newest front (of `application`, if given), and of several processors that with the most sessions.
     None without a valid figure. The version is left out for a masked model. Six queries.
@@ -31,7 +31,7 @@ def history(slug: str, configuration: str = BEST, application: str | None = None
     if model is None:
         return None
     figure = (
-        DeviceSpeedup.objects.filter(device=model, configuration__name=configuration, state=State.VALID)
+        DeviceSpeedup.objects.filter(device=model, configuration__name=BEST, state=State.VALID)
         .filter(**of_one)
         .select_related("front")
         .defer("front__document", "front__sequence")
@@ -56,7 +56,7 @@ def history(slug: str, configuration: str = BEST, application: str | None = None
     releases = [_release(driver, version, members) for (driver, version), members in groups.items()]
     return History(
         front=figure.front.slug,
-        configuration=configuration,
+        configuration=BEST,
         backend=figure.backend,
         processor=figure.processor,
         releases=tuple(sorted(releases, key=lambda row: (row.first_at, row.driver, row.os_version))),

@@ -66,10 +66,10 @@ def _order(device: Device) -> tuple[str, str, str]:
     return device.vendor, device.title, device.slug
 
 
-def pairwise(values: Array, least: int = LEAST_COMMON) -> tuple[Array, Array, NDArray[np.int64]]:
+def pairwise(values: Array) -> tuple[Array, Array, NDArray[np.int64]]:
     """Pearson, Spearman and number of common columns of all pairs of rows of `values` (n, m): three (n, n).
 
-    `values` are NaN where not measured. Correlations are NaN on the diagonal, below `least` common columns,
+    `values` are NaN where not measured. Correlations are NaN on the diagonal, below LEAST_COMMON columns,
     and if a row is constant over these. Rows with the same columns are computed together: most devices
     measure either a whole front or its best.
     """
@@ -81,7 +81,7 @@ def pairwise(values: Array, least: int = LEAST_COMMON) -> tuple[Array, Array, ND
     for first in range(len(patterns)):
         for second in range(first + 1):
             columns = np.flatnonzero(patterns[first] & patterns[second])
-            if len(columns) < least:
+            if len(columns) < LEAST_COMMON:
                 continue
             x, y = values[np.ix_(rows[first], columns)], values[np.ix_(rows[second], columns)]
             for answer, (a, b) in ((pearson, (x, y)), (spearman, (_ranks(x), _ranks(y)))):
