@@ -30,12 +30,9 @@ KNOWN_COPIES = [rule.code for rule in (rules.IDENTICAL_SERIES, rules.MODERATED, 
 
 @dataclass(slots=True)
 class StoredRun:
-    """The series of a run, as `packing` has them, and its READ_COLUMNS, cheaper than a model instance."""
+    """The series of a run and its READ_COLUMNS, cheaper than a model instance."""
 
-    frame_us: bytes
-    stages: list[str]
-    stages_us: bytes
-    tracked: bytes
+    series: packing.Series
     pk: int
     session_id: int
     configuration_id: int
@@ -52,7 +49,7 @@ class StoredRun:
     reason: str
 
 
-READ_COLUMNS = [field.name for field in fields(StoredRun)][4:]
+READ_COLUMNS = [field.name for field in fields(StoredRun)][1:]
 
 
 @dataclass(frozen=True)
@@ -95,7 +92,7 @@ def judge_runs(sessions: Mapping[int, SessionContext], decisions: Decisions) -> 
     rows = stored.values_list("frames__content", *READ_COLUMNS)
     runs = [
         run
-        for run in (StoredRun(*packing.decompress(content), *row) for content, *row in rows)
+        for run in (StoredRun(packing.decompress(content), *row) for content, *row in rows)
         # A run of another front cannot be compared with any of this one.
         if run.configuration_id in sessions[run.session_id].front.configurations
     ]
@@ -122,21 +119,21 @@ def judge_alone(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContext
     """Judge each of `runs` by itself, together with those of the same front, frames and stages."""
     same: dict[Hashable, list[StoredRun]] = defaultdict(list)
     for run in runs:
-        same[
-            sessions[run.session_id].front.key, len(run.frame_us), tuple(run.stages), len(run.stages_us)
-        ].append(run)
+        series = run.series
+        shape = len(series.frame_us), tuple(series.stages), len(series.stages_us)
+        same[sessions[run.session_id].front.key, *shape].append(run)
     for group in same.values():
         _judge_batch(group, sessions[group[0].session_id].front)
 
 
 def _judge_batch(runs: Sequence[StoredRun], front: Front) -> None:
     """`runs` have the same front, the same number of frames and the same stages."""
-    frames = packing.unpack_many([run.frame_us for run in runs])
+    frames = packing.unpack_many([run.series.frame_us for run in runs])
     first, size = front.protocol.first_counted_frame, frames.shape[1]
     means = measures.mean_times(frames, first).tolist() if size > first else [None] * len(runs)
     distinct = measures.distinct_times(frames) >= measures.LEAST_DISTINCT_TIMES
-    names = runs[0].stages
-    stages = packing.unpack_many([run.stages_us for run in runs]) if names else frames[:, :0]
+    names = runs[0].series.stages
+    stages = packing.unpack_many([run.series.stages_us for run in runs]) if names else frames[:, :0]
     exceeding = measures.stages_exceed_frames(frames, names, stages)
     left_out = _skipped_frames(runs, size, front)
     skipped = measures.skipped_shares(left_out, first).tolist()
@@ -145,7 +142,7 @@ def _judge_batch(runs: Sequence[StoredRun], front: Front) -> None:
         runs, means, distinct.tolist(), exceeding.tolist(), skipped, longer.tolist(), strict=True
     ):
         run.mean_us = mean
-        run.fingerprint = fingerprint(run.frame_us) if enough else None
+        run.fingerprint = fingerprint(run.series.frame_us) if enough else None
         suspicions = {
             rules.SKIPPED_SHARE: not _skips_as_reference(run, share, front),
             rules.SKIPPED_TIMES: is_longer,
@@ -162,8 +159,9 @@ def _skipped_frames(runs: Sequence[StoredRun], size: int, front: Front) -> NDArr
     they only do not track there.
     """
     told = [
-        run.tracked if run.configuration_id in front.skipped and len(run.tracked) == size else bytes(size)
+        tracked if run.configuration_id in front.skipped and len(tracked) == size else bytes(size)
         for run in runs
+        for tracked in [run.series.tracked]
     ]
     skipped: NDArray[np.bool_] = (
         np.frombuffer(b"".join(told), np.uint8).reshape(len(runs), size) == packing.NEITHER

@@ -70,13 +70,10 @@ def sent(random: np.random.Generator, case: dict[str, Any]) -> dict[str, Any]:
     columns = {"status": "ok", "ate_max": 0.01, "deviation": 0.0005} | {
         name: value for name, value in case.items() if name in READ_COLUMNS
     }
+    told = [None if skipped else True for skipped in left_out] if "left_out" in case else []
+    series = packing.Series(packing.pack(times.tolist()), names, stages_us, packing.pack_tracked(told))
     return columns | {
-        "frame_us": packing.pack(times.tolist()),
-        "stages": names,
-        "stages_us": stages_us,
-        "tracked": packing.pack_tracked([None if skipped else True for skipped in left_out])
-        if "left_out" in case
-        else b"",
+        "series": series,
         "repeat": 0,
         "order": 0,
         "session_id": 1,
@@ -109,10 +106,10 @@ def test_each_of_many_runs_breaks_its_own_rule() -> None:
     for run, (name, case, _) in zip(many, cases, strict=True):
         assert case.get("configuration_id") == 2 or (run.fingerprint is None) == (name in COARSE)
     for run in many:
-        frames = packing.unpack(run.frame_us)
+        frames = packing.unpack(run.series.frame_us)
         counted = frames.size > PROTOCOL.first_counted_frame
         assert run.mean_us == (float(frames[10:].mean()) if counted else None)
-        assert run.fingerprint in {None, runs.fingerprint(run.frame_us)}
+        assert run.fingerprint in {None, runs.fingerprint(run.series.frame_us)}
 
 
 def test_many_runs_are_judged_as_each_by_itself() -> None:

@@ -33,9 +33,8 @@ def runs(order: Sequence[int], *, slower: float = 1.0, **changes: Any) -> list[S
         frames = np.full(FRAMES, round(TIMES[configuration] * slower**number))
         columns: dict[str, Any] = {
             "pk": number, "session_id": 1, "configuration_id": configuration, "repeat": seen[configuration],
-            "order": number, "status": "ok", "frame_us": packing.pack(frames.tolist()), "stages": [],
-            "stages_us": b"", "tracked": b"", "ate_max": 0.01, "deviation": 0.0005, "cpu_us": None,
-            "waited_us": None,
+            "order": number, "status": "ok", "ate_max": 0.01, "deviation": 0.0005, "cpu_us": None,
+            "waited_us": None, "series": packing.Series(packing.pack(frames.tolist()), [], b"", b""),
             "mean_us": float(frames[0]), "fingerprint": None, "state": State.VALID, "reason": "",
         }  # fmt: skip
         stored.append(StoredRun(**columns | changes))
