@@ -67,4 +67,4 @@ def _run(item: Item, checked: CheckedSubmission, key: int) -> StoredRun:
     row = storing.run_row(item, checked.fronts[item.session.front_version])
     row.pk, row.session_id = key, 0
     series = packing.decompress(storing.frames_row(item, row).content)
-    return StoredRun(*series, *(getattr(row, name) for name in READ_COLUMNS))
+    return StoredRun(series, *(getattr(row, name) for name in READ_COLUMNS))
