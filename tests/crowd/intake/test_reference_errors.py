@@ -8,6 +8,7 @@ import pytest
 from django.conf import LazySettings
 
 from crowd.fronts import sequences, trajectories
+from crowd.fronts.content import front_file
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services
 from slam.datasets.formats.pack import Pack
@@ -37,7 +38,7 @@ def shipped(db: None, settings: LazySettings) -> FrontVersion:
     """The front that ships, published with its sequence."""
     settings.FRONTRUNNER_SEQUENCES = [LIVING_ROOM.parent]
     sequences.open_pack.cache_clear()
-    return services.publish_file(KFUSION)[0]
+    return services.publish_content(front_file.read(KFUSION))[0]
 
 
 @pytest.fixture

@@ -18,7 +18,8 @@ from crowd.devices.naming.identity import identify
 from crowd.devices.naming.raw_device import RawDevice
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.fronts import sequences
-from crowd.fronts.publishing.services import publish_content, publish_file
+from crowd.fronts.content import front_file
+from crowd.fronts.publishing.services import publish_content
 from crowd.predictions.models import ProbeAssignment
 from crowd.predictions.tables import chip_series
 from crowd.results.figures import recomputing
@@ -213,7 +214,7 @@ def test_all_runs_of_the_front_that_ships_are_taken(demo: None, settings: LazySe
     """Its true poses are known, so errors and deviations bind each other."""
     settings.FRONTRUNNER_SEQUENCES = [LIVING_ROOM.parent]
     sequences.open_pack.cache_clear()
-    front, _ = publish_file(KFUSION)
+    front, _ = publish_content(front_file.read(KFUSION))
     assert all(point.reference_ate for point in front.content.every)
 
     with admitting():
