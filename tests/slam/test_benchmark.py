@@ -195,13 +195,13 @@ def test_loops_that_are_left_open_need_no_scipy(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("system", "values"),
+    ("system", "configurations"),
     [
-        ("kfusion", QUICK | {"skip_limit": 1, "integration_rate": 1}),
-        ("elasticfusion", {"surfel_capacity": 50_000}),
+        ("kfusion", [QUICK | {"skip_limit": 1, "integration_rate": 1}, QUICK | {"raycast_after_fusion": 1}]),
+        ("elasticfusion", [{"surfel_capacity": 50_000}]),
     ],
 )
-def test_every_kernel_has_run_before_the_first_frame(tmp_path, monkeypatch, system, values):
+def test_every_kernel_has_run_before_the_first_frame(tmp_path, monkeypatch, system, configurations):
     launched, launch = [], BoundKernel.__call__
 
     def noted(kernel, *size):
@@ -214,8 +214,9 @@ def test_every_kernel_has_run_before_the_first_frame(tmp_path, monkeypatch, syst
     sequence = open_sequence(write_tiny_pack(tmp_path, colour=True))
     monkeypatch.setattr(BoundKernel, "__call__", noted)
     monkeypatch.setattr(sequence, "depth", stop)
-    with pytest.raises(SequenceError, match="the first frame"):
-        run(complete(system, values), sequence, system=system)
+    for values in configurations:
+        with pytest.raises(SequenceError, match="the first frame"):
+            run(complete(system, values), sequence, system=system)
     kernels = {
         name
         for source in (Path(slam.__file__).parent / system / "kernels").glob("*.cl")

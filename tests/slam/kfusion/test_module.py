@@ -15,7 +15,7 @@ import pytest
 
 from slam.devices import wasm
 from slam.kfusion import module
-from slam.kfusion.declarations import ADAPTIVE_KERNELS, kernels_of
+from slam.kfusion.declarations import ADAPTIVE_KERNELS, VIEW_KERNELS, kernels_of
 from slam.kfusion.pipeline import FOLDERS
 from slam.plans.wasm import MODULE
 from slam.plans.wasm_module import build
@@ -107,7 +107,7 @@ def test_every_function_of_the_module_is_ours_and_no_library_is_linked(tmp_path,
 
     listed = function_names(target.read_bytes())
     names = set(listed)
-    kernels = (*kernels_of(wasm.LAYOUT), *ADAPTIVE_KERNELS)
+    kernels = (*kernels_of(wasm.LAYOUT), *ADAPTIVE_KERNELS, *VIEW_KERNELS)
     generated = {"launch", *(f"run_{kernel.name}" for kernel in kernels)}
     by_the_linker = {"__wasm_init_memory"}  # copies the constants of kernels into memory, once
     sources = [
