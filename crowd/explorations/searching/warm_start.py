@@ -8,11 +8,21 @@ from crowd.explorations.objectives import BESIDE_DEFAULT
 from crowd.explorations.searching import ratios, search
 from crowd.explorations.searching.search import COPIED, FINISHED
 from pareto.errors import ObjectiveError
+from wire.evaluation import Outcome
 
 COMPARED_FIELDS = ("reference_device_id", "learned_on", "error_quantile", "frames")
 COPIED_FIELDS = (
-    *("label", "configuration", "configuration_key", "frames", "state", "objectives", "stages", "device"),
-    *("software", "error", "worker", "finished_at", "perturbation", "parts", "censored"),
+    *(
+        "label",
+        "configuration",
+        "configuration_key",
+        "frames",
+        "state",
+        "worker",
+        "finished_at",
+        "perturbation",
+    ),
+    *Outcome.__struct_fields__,
 )
 
 

@@ -19,6 +19,7 @@ from slam.devices.choice import choose_device, open_session
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.pipeline import KFusion
 from slam.system import scene_of
+from tests.browser.measuring.steps import widest_interval
 from tests.browser.visitor import Visitor, all_answered
 from tests.builders.documents import STANDARD
 from tests.client_kit.web.serving import WEB, measurement_at_any_speed
@@ -111,9 +112,7 @@ def any_speed(monkeypatch: pytest.MonkeyPatch, settings: Any, tmp_path: Path) ->
     """How fast and how evenly a busy machine computes decides nothing here."""
     settings.FRONTRUNNER_WEB_CLIENT = shutil.copytree(WEB, tmp_path / "web")
     (tmp_path / "web" / "measurement.js").write_text(measurement_at_any_speed(), encoding="utf-8")
-    speedup = (WEB / "speedup.js").read_text(encoding="utf-8")
-    speedup = speedup.replace("const WIDEST_INTERVAL = 1.5;", "const WIDEST_INTERVAL = Infinity;")
-    (tmp_path / "web" / "speedup.js").write_text(speedup, encoding="utf-8")
+    widest_interval(tmp_path, "Infinity")
     monkeypatch.setattr("wire.session_statistics.WIDEST_INTERVAL", math.inf)
     monkeypatch.setattr("wire.session_statistics.LEAST_DEVIATION", math.inf)
     monkeypatch.setattr("crowd.predictions.probe_assignment.MAX_DRIFT", math.inf)

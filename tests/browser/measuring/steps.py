@@ -1,10 +1,12 @@
 """The steps of someone who measures in a browser, and what they leave behind."""
 
 import re
+from pathlib import Path
 from typing import Any
 
 from crowd.devices.models import AttemptCount
 from tests.browser.visitor import Visitor
+from tests.client_kit.web.serving import WEB
 from tests.waiting import until
 
 # The page asks its worker for the next run as soon as one is on disk: here not after AFTER of them.
@@ -63,3 +65,11 @@ def assert_counted(*expected: str) -> None:
 
     until(lambda: len(counted()) >= len(expected), seen=counted)
     assert counted() == sorted(expected)
+
+
+def widest_interval(folder: Path, ratio: str) -> None:
+    """In the web client's copy in `folder`, wider intervals than `ratio`, JavaScript, have no point."""
+    constants = (WEB / "constants.js").read_text(encoding="utf-8")
+    changed = constants.replace("WIDEST_INTERVAL = 1.5;", f"WIDEST_INTERVAL = {ratio};")
+    assert changed != constants
+    (folder / "web" / "constants.js").write_text(changed, encoding="utf-8")

@@ -15,7 +15,7 @@ from crowd.devices.models import DeviceDescription, Installation
 from crowd.fronts.models import FrontVersion
 from crowd.results.models import MeasurementSession, SessionSummary
 from tests.browser.firefox import FirefoxPage
-from tests.browser.measuring.steps import assert_counted, begin, finished, held, hold_after
+from tests.browser.measuring.steps import assert_counted, begin, finished, held, hold_after, widest_interval
 from tests.browser.visitor import Visitor
 from tests.client_kit.web.serving import measurement_at_any_speed
 from tests.waiting import until
@@ -180,9 +180,7 @@ def test_one_button_is_consent_and_start_and_the_result_is_seen_again_and_shared
 def test_of_a_wide_interval_the_range_alone_is_shown_shared_and_seen_again(
     visitor: Visitor, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    script = tmp_path / "web" / "speedup.js"
-    text = script.read_text(encoding="utf-8")
-    script.write_text(text.replace("const WIDEST_INTERVAL = Infinity;", "const WIDEST_INTERVAL = 0;"))
+    widest_interval(tmp_path, "0")
     monkeypatch.setattr("wire.session_statistics.WIDEST_INTERVAL", 0.0)
     visitor.page.add_init_script(
         "Object.defineProperty(navigator, 'share', { value: async (data) => { window.shared = data } })"

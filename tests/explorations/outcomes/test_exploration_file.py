@@ -20,6 +20,7 @@ from crowd.explorations import services, steering
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.outcomes import exploration_file, importing, publishing
 from crowd.explorations.outcomes.exploration_file import InvalidExplorationError
+from groundwork.folders import FIXTURES
 from tests.builders.explorations import finish, record, run_to_the_end
 from tests.shipped import FIXTURES
 
@@ -108,6 +109,14 @@ def test_the_same_exploration_is_imported_once(elsewhere: Exploration) -> None:
         importing.store(whole, "anna")
 
     assert Exploration.objects.count() == 1
+
+
+def test_the_exploration_that_ships_is_imported_once(db: None) -> None:
+    [shipped] = (FIXTURES / "explorations").glob("*.json.gz")
+    imported = importing.import_file(shipped)
+
+    with pytest.raises(importing.KnownExplorationError, match=f"kfusion {imported.pk} is this exploration"):
+        importing.import_file(shipped)
 
 
 def test_the_server_that_measured_it_refuses_its_own_file(measured: Exploration) -> None:
