@@ -12,17 +12,8 @@ from wire.evaluation import Outcome
 
 COMPARED_FIELDS = ("reference_device_id", "learned_on", "error_quantile", "frames")
 COPIED_FIELDS = (
-    *(
-        "label",
-        "configuration",
-        "configuration_key",
-        "frames",
-        "state",
-        "worker",
-        "finished_at",
-        "perturbation",
-    ),
-    *Outcome.__struct_fields__,
+    *("label", "configuration", "configuration_key", "frames", "state", "worker", "finished_at"),
+    *("perturbation", *Outcome.__struct_fields__),
 )
 
 

@@ -20,7 +20,6 @@ from crowd.explorations import services, steering
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.outcomes import exploration_file, importing, publishing
 from crowd.explorations.outcomes.exploration_file import InvalidExplorationError
-from groundwork.folders import FIXTURES
 from tests.builders.explorations import finish, record, run_to_the_end
 from tests.shipped import FIXTURES
 
