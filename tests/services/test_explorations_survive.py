@@ -104,5 +104,6 @@ def test_an_exploration_survives_every_kill(
     begun = Counter((note.key, note.attempt) for note in notes.read(installation.var) if note.what == "begun")
     assert set(begun.values()) == {1}
     assert {(row["id"], row["attempt"]) for row in rows} <= set(begun)
-    assert sum(row["attempt"] > 1 for row in rows) >= INTERRUPTED
+    # Two kills may interrupt one evaluation: its third attempt counts, too.
+    assert sum(max(row["attempt"] - 1, 0) for row in rows) >= INTERRUPTED
     assert all(worker.process.poll() is None for worker in installation.workers)
