@@ -196,6 +196,8 @@ class Command(BaseCommand):
             for answer in row.speedups:
                 note = f" ({answer.state}: {answer.reason})" if answer.reason else ""
                 value = "none" if answer.speedup is None else f"{answer.speedup:.2f}"
+                if answer.range:
+                    value = f"between {answer.range[0]:.2f} and {answer.range[1]:.2f}"
                 lines.append(
                     f"Speedup of {answer.configuration} over {answer.baseline} on this device: {value}{note}"
                 )
