@@ -157,8 +157,8 @@ ADAPTIVE_KERNELS = (
     )),
 )  # fmt: skip
 VIEW_KERNELS = (
-    Kernel("keep_view", "viewing", (CAMERA, _buffer("state", "write", STATE))),
-    Kernel("begin_at_view", "viewing", (*_whole("most_extrapolated"), _buffer("state", "write", STATE))),
+    Kernel("keep_view", "tracking", (CAMERA, _buffer("state", "write", STATE))),
+    Kernel("begin_at_view", "tracking", (*_whole("most_extrapolated"), _buffer("state", "write", STATE))),
 )
 
 

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,7 @@ class Measured:
     device: Mapping[str, Any] = field(default_factory=dict)
     software: str = ""
 
-    @property
+    @cached_property
     def runs(self) -> list[Timed]:
         """The runs that other programs did not disturb."""
         return times.undisturbed(self.timed)

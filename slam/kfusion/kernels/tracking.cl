@@ -144,13 +144,10 @@ kernel void iterate(TRACKED, int iterations, float threshold, float prior, int c
 }
 #endif
 
-// Remembers where the frame started, and which pixels the model belongs to, which was seen from there: intrinsics times
-// the inverse of the pose. While the camera recovers, ICP starts where its last turn leads, believed to go on for
-// `most_extrapolated` checks.
-kernel void begin_tracking(float4 camera, int most_extrapolated, global State *state)
+// After a raycast, where rays are not cast after every frame: which pixels the model belongs to, which is seen from here.
+// That is intrinsics times the inverse of the pose.
+kernel void keep_view(float4 camera, global State *state)
 {
-    for (int i = 0; i < 12; ++i)
-        state->previous[i] = state->pose[i];
     const float t[3] = {state->pose[3], state->pose[7], state->pose[11]};
     for (int column = 0; column < 4; ++column) {
         float inverse[3];
@@ -161,6 +158,14 @@ kernel void begin_tracking(float4 camera, int most_extrapolated, global State *s
         state->view[4 + column] = camera.y * inverse[1] + camera.w * inverse[2];
         state->view[8 + column] = inverse[2];
     }
+}
+
+// Remembers where the frame started. While the camera recovers, ICP starts where its last turn leads, believed to go on for
+// `most_extrapolated` checks. The model is seen from where the last view was kept.
+kernel void begin_at_view(int most_extrapolated, global State *state)
+{
+    for (int i = 0; i < 12; ++i)
+        state->previous[i] = state->pose[i];
     state->retrying = 0;
     if (state->recovering && state->misses < most_extrapolated) {
         const float checks = state->misses + 1;
@@ -168,6 +173,13 @@ kernel void begin_tracking(float4 camera, int most_extrapolated, global State *s
     }
     for (int i = 0; i < 12; ++i)
         state->start[i] = state->pose[i];
+}
+
+// Both at once: the model was seen from where the frame started.
+kernel void begin_tracking(float4 camera, int most_extrapolated, global State *state)
+{
+    keep_view(camera, state);
+    begin_at_view(most_extrapolated, state);
 }
 
 // Begins the frame's second attempt where the first was refused; together they are one check. It starts from the kept pose
